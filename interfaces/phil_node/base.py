@@ -1,0 +1,322 @@
+"""The lifecycle base of every node: parameters, diagnostics, timing and reset, in one place."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from phil_interfaces.msg import CycleTiming
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.executors import ExternalShutdownException
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from std_srvs.srv import Trigger
+
+from phil_node.declare import declare
+from phil_node.guard import finite
+from phil_node.parameters import Group, ParameterError, build, defaults, infos, values_of
+from phil_node.qos import CYCLE
+from phil_node.timing import Timing
+
+P = TypeVar("P", bound=Group)
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+__all__ = ["ERROR", "OK", "WARN", "Diagnosis", "PhilNode", "finite", "run"]
+
+
+@dataclass
+class Diagnosis:
+    """What a node says of itself on /diagnostics: level OK, WARN or ERROR, a sentence, and figures."""
+
+    level: bytes = OK
+    message: str = "active"
+    values: dict[str, str] = field(default_factory=dict)
+
+
+class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
+    """Lifecycle node with parameters from a model; a node overrides ``build``, ``start``, ``stop``, ``reset``, ...
+
+    Raises
+    ------
+    ParameterError
+        The node was started with a parameter that is unknown, of a wrong type or out of range.
+    """
+
+    def __init__(self, name: str, model: type[P]) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        self._model = model
+        self._live = frozenset(info.name for info in infos(model) if info.live)
+        self.parameters: P = declare(self, model, defaults(name))
+        self.timing = Timing()
+        self.finished = False
+        self.configured = False
+        self.active = False
+        self._stale_build = False
+        self._owned: list[tuple[Callable[[Any], Any], Any]] = []
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._take_parameters)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._status = DiagnosticStatus(name=f"{name}: cycle", hardware_id=name)
+        self._timer = self.create_timer(1.0, self._publish_diagnosis)
+        self._reset_service = self.create_service(Trigger, "~/reset", self._serve_reset)
+
+    # What a node overrides -------------------------------------------------------------------------------------
+
+    def build(self) -> None:
+        """Design the model from ``self.parameters``, create publishers and subscriptions, compile kernels."""
+        raise NotImplementedError
+
+    def start(self) -> None:
+        """Bring the state to its initial value and send the first messages."""
+
+    def stop(self) -> None:
+        """Stop what moves."""
+
+    def discard(self) -> None:
+        """Drop the design; publishers, subscriptions and timers made through this class are destroyed after it."""
+
+    def reset(self) -> None:
+        """Bring the state to its initial value while configured."""
+
+    def changed(self, names: frozenset[str]) -> None:
+        """Take live parameters that were set: ``self.parameters`` has the new values."""
+
+    def diagnose(self) -> Diagnosis:
+        """Say how the node is, once a second."""
+        return Diagnosis()
+
+    # What a node uses ------------------------------------------------------------------------------------------
+
+    def publish_on(self, kind: Any, name: str, qos: QoSProfile = CYCLE) -> Any:
+        """Create a publisher that is silent unless the node is active."""
+        publisher = self.create_lifecycle_publisher(kind, name, qos)
+        self._owned.append((self.destroy_lifecycle_publisher, publisher))
+        return publisher
+
+    def publish_always(self, kind: Any, name: str, qos: QoSProfile) -> Any:
+        """Create a publisher that also speaks while the node is configured but not active (latched data)."""
+        publisher = self.create_publisher(kind, name, qos)
+        self._owned.append((self.destroy_publisher, publisher))
+        return publisher
+
+    def listen(self, kind: Any, name: str, qos: QoSProfile, callback: Callable[[Any], None]) -> Any:
+        """Create a subscription; messages that come while the node is not active are dropped."""
+
+        def when_active(message: Any) -> None:
+            if self.active:
+                callback(message)
+
+        subscription = self.create_subscription(kind, name, when_active, qos)
+        self._owned.append((self.destroy_subscription, subscription))
+        return subscription
+
+    def every(self, period: float, callback: Callable[[], None]) -> Any:
+        """Create a timer of ``period`` s that runs while the node is active."""
+
+        def when_active() -> None:
+            if self.active:
+                callback()
+
+        timer = self.create_timer(period, when_active)
+        self._owned.append((self.destroy_timer, timer))
+        return timer
+
+    def serve(self, kind: Any, name: str, callback: Callable[[Any, Any], Any]) -> Any:
+        """Create a service that lives as long as the node is configured."""
+        service = self.create_service(kind, name, callback)
+        self._owned.append((self.destroy_service, service))
+        return service
+
+    def time_cycles(self, budget: float, count_overruns: bool = True) -> None:
+        """Create ~/timing and send the batches of ``self.timing`` there; ``budget`` is the cycle time in s."""
+        publisher = self.publish_on(CycleTiming, "~/timing", CYCLE)
+        self.timing.connect(CycleTiming(), publisher.publish, budget, count_overruns)
+
+    # Lifecycle -------------------------------------------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Build; a failure leaves the node unconfigured and says why."""
+        return self._attempt("configure", self._build)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Rebuild if parameters changed, freeze the garbage collector, start."""
+
+        def activate() -> None:
+            if self._stale_build:
+                self._tear_down()
+                self._build()
+            self.timing.clear()
+            gc.collect()
+            gc.freeze()
+            gc.disable()
+            # Publishers first: start() may publish at once.
+            LifecycleNode.on_activate(self, state)
+            self.active = True
+            try:
+                self.start()
+            except Exception:
+                self.active = False
+                LifecycleNode.on_deactivate(self, state)
+                gc.enable()
+                gc.unfreeze()
+                raise
+
+        return self._attempt("activate", activate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop and let the garbage collector work again."""
+        result = self._attempt("deactivate", self._halt)
+        LifecycleNode.on_deactivate(self, state)
+        return result
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Drop the design and everything that it published."""
+        return self._attempt("clean up", self._tear_down)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop, drop the design and end the process."""
+        if self.active:
+            self._attempt("deactivate", self._halt)
+        if self.configured:
+            self._attempt("clean up", self._tear_down)
+        self.finished = True
+        return TransitionCallbackReturn.SUCCESS
+
+    def _attempt(self, what: str, action: Callable[[], None]) -> TransitionCallbackReturn:
+        try:
+            action()
+        except Exception as error:
+            text = str(error) or type(error).__name__
+            self.get_logger().error(f"cannot {what}: {text}")
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def _build(self) -> None:
+        try:
+            self.build()
+        except Exception:
+            self._destroy_owned()
+            raise
+        self.configured = True
+        self._stale_build = False
+
+    def _halt(self) -> None:
+        self.active = False
+        gc.enable()
+        gc.unfreeze()
+        self.stop()
+
+    def _tear_down(self) -> None:
+        self.configured = False
+        try:
+            self.discard()
+        finally:
+            self._destroy_owned()
+
+    def _destroy_owned(self) -> None:
+        for destroy, entity in reversed(self._owned):
+            destroy(entity)
+        self._owned.clear()
+
+    # Services, parameters, diagnostics -------------------------------------------------------------------------
+
+    def _serve_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.configured:
+            response.success, response.message = False, f"{self.get_name()} is not configured"
+            return response
+        try:
+            self.timing.clear()
+            self.reset()
+        except Exception as error:
+            response.success, response.message = False, str(error)
+        else:
+            response.success, response.message = True, f"{self.get_name()} is back at its initial state"
+        return response
+
+    def _with(self, changes: list[Parameter]) -> P:
+        values = values_of(self.parameters)
+        known = values.keys()
+        for change in changes:
+            if change.name in known:
+                value = change.value
+                values[change.name] = list(value) if hasattr(value, "tolist") else value
+        return build(self._model, values)
+
+    def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+        ours = values_of(self.parameters).keys()
+        if self.active:
+            for change in changes:
+                if change.name in ours and change.name not in self._live:
+                    reason = f"'{change.name}' cannot change while active: deactivate {self.get_name()} first"
+                    return SetParametersResult(successful=False, reason=reason)
+        try:
+            self._with(changes)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take_parameters(self, changes: list[Parameter]) -> None:
+        ours = values_of(self.parameters).keys()
+        names = frozenset(change.name for change in changes if change.name in ours)
+        if not names:
+            return
+        self.parameters = self._with(changes)
+        if self.configured and not names <= self._live:
+            self._stale_build = True
+        elif self.configured:
+            self.changed(names)
+
+    def _publish_diagnosis(self) -> None:
+        found = self.diagnose() if self.active else Diagnosis(message="configured" if self.configured else "unconfigured")
+        status = self._status
+        status.level, status.message = found.level, found.message
+        figures = {**self.timing.summary(), **found.values}
+        status.values = [KeyValue(key=key, value=value) for key, value in figures.items()]
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int:
+    """Run one node until it is shut down or interrupted; give the exit code (2: wrong parameters)."""
+    rclpy.init(args=argv)
+    try:
+        node = kind()
+    except ParameterError as error:
+        print(error, file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    executor = _executor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok() and not node.finished:
+            executor.spin_once(timeout_sec=0.5)
+        if node.finished:
+            # The answer to the shutdown request is still to be sent.
+            for _ in range(5):
+                executor.spin_once(timeout_sec=0.02)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _executor() -> Any:
+    """Give the events executor (half the processor time of the other one), or the other one where it is missing."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        from rclpy.executors import SingleThreadedExecutor
+
+        return SingleThreadedExecutor()
+    return EventsExecutor()
