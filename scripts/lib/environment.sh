@@ -1,0 +1,138 @@
+# Sets up what is missing, builds what is stale, and puts both into this shell. Sourced by the scripts beside it:
+#     . "$(dirname "$0")/lib/environment.sh" && phil_environment run      (or: test)
+# Two cases:
+#   - a ROS 2 Jazzy is sourced: a virtual environment that sees it and adds only what it does not have (.venv-ros)
+#   - else: a virtual environment with ROS 2 Jazzy from wheels (.venv)
+# Both are made once and again only when pyproject.toml or the Python version changes.
+
+PHIL_ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)"
+
+phil_say() { printf '%s\n' "$*" >&2; }
+
+phil_fail() { phil_say "error: $*"; exit 3; }
+
+# Debian and Ubuntu packages beyond a bare system; names the line to type.
+phil_check_system() {
+  local missing=()
+  command -v "$PHIL_PYTHON" >/dev/null || missing+=(python3)
+  command -v gcc >/dev/null || missing+=(gcc)
+  command -v g++ >/dev/null || missing+=(g++)
+  command -v cmake >/dev/null || missing+=(cmake)
+  command -v make >/dev/null || missing+=(make)
+  if command -v "$PHIL_PYTHON" >/dev/null; then
+    "$PHIL_PYTHON" -c 'import venv, ensurepip' 2>/dev/null || missing+=(python3-venv)
+    local header
+    header="$("$PHIL_PYTHON" -c 'import sysconfig; print(sysconfig.get_path("include"))')/Python.h"
+    [ -f "$header" ] || missing+=(python3-dev)
+  fi
+  if [ "${#missing[@]}" -gt 0 ]; then
+    phil_say "These Debian packages are missing. Type:"
+    phil_say "    sudo apt-get install ${missing[*]}"
+    exit 3
+  fi
+  "$PHIL_PYTHON" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' ||
+    phil_fail "Python 3.10 to 3.13 is needed, $PHIL_PYTHON is $("$PHIL_PYTHON" -V 2>&1); set PHIL_PYTHON to another one"
+}
+
+# Group names of pyproject.toml that are installed for a purpose (run or test).
+phil_groups() {
+  local groups=(build run)
+  [ "$PHIL_ROS" = wheels ] && groups=(ros "${groups[@]}")
+  [ "$1" = test ] && groups+=(test)
+  printf '%s\n' "${groups[@]}"
+}
+
+phil_install() {
+  local purpose="$1" stamp wanted
+  stamp="$PHIL_VENV/.phil-$purpose"
+  wanted="$(cat "$PHIL_ROOT/pyproject.toml" <("$PHIL_PYTHON" -V 2>&1; echo "$PHIL_ROS $purpose") | sha256sum)"
+  [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
+  if [ ! -x "$PHIL_VENV/bin/python" ]; then
+    phil_say "making $PHIL_VENV ($("$PHIL_PYTHON" -V 2>&1), ROS 2 from $PHIL_ROS)"
+    local see=()
+    [ "$PHIL_ROS" = sourced ] && see=(--system-site-packages)
+    "$PHIL_PYTHON" -m venv "${see[@]}" "$PHIL_VENV" || phil_fail "no virtual environment at $PHIL_VENV"
+    touch "$PHIL_VENV/COLCON_IGNORE" # colcon would take the wheels' package.xml files for packages to build
+  fi
+  phil_say "installing Python packages for: $purpose (a minute or two the first time)"
+  local python="$PHIL_VENV/bin/python" arguments=() constraint
+  "$python" -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1' || phil_fail "pip cannot be updated"
+  while read -r group; do arguments+=(--group "$group"); done < <(phil_groups "$purpose")
+  constraint="$PHIL_VENV/.phil-constraints"
+  : >"$constraint"
+  # The message code of a sourced ROS 2 was compiled for the numpy of its system: keep that one.
+  [ "$PHIL_ROS" = sourced ] &&
+    "$PHIL_PYTHON" -c 'import numpy; print(f"numpy=={numpy.__version__}")' >"$constraint" 2>/dev/null
+  (cd "$PHIL_ROOT" && "$python" -m pip install --quiet --disable-pip-version-check -c "$constraint" "${arguments[@]}") ||
+    phil_fail "the Python packages could not be installed (see above)"
+  printf '%s' "$wanted" >"$stamp"
+}
+
+# A digest of all that goes into the build: the sources, the Python version, where ROS 2 comes from.
+phil_digest() {
+  (
+    cd "$PHIL_ROOT" || exit
+    find "$@" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -print0 | LC_ALL=C sort -z | xargs -0 sha256sum
+    "$PHIL_VENV/bin/python" -V
+    echo "$PHIL_ROS $PHIL_ROOT"
+  ) | sha256sum
+}
+
+phil_build() {
+  local interfaces="$PHIL_ROOT/install/.phil-interfaces" packages="$PHIL_ROOT/install/.phil-packages" digest log
+  local nodes=(catenary_model impedance_mpc test_rig_sim energy_monitor) todo=()
+  log="$PHIL_ROOT/log/build.txt"
+  digest="$(phil_digest interfaces)"
+  if [ "$(cat "$interfaces" 2>/dev/null)" != "$digest" ]; then
+    phil_say "building messages (half a minute the first time)"
+    rm -rf "$PHIL_ROOT/build/phil_interfaces" "$PHIL_ROOT/install/phil_interfaces" "$interfaces"
+    todo=(phil_interfaces "${nodes[@]}")
+  elif [ "$(cat "$packages" 2>/dev/null)" != "$(phil_digest "${nodes[@]}")" ]; then
+    phil_say "building nodes"
+    todo=("${nodes[@]}")
+  fi
+  [ "${#todo[@]}" -eq 0 ] && return
+  mkdir -p "$PHIL_ROOT/log" "$PHIL_ROOT/install"
+  (
+    cd "$PHIL_ROOT" &&
+      python -m colcon build --packages-select "${todo[@]}" --event-handlers console_direct- console_cohesion+ >"$log" 2>&1
+  ) || {
+    tail -n 40 "$log" >&2
+    phil_fail "the build failed; all of it is in $log"
+  }
+  printf '%s' "$digest" >"$interfaces"
+  phil_digest "${nodes[@]}" >"$packages"
+}
+
+phil_environment() {
+  local purpose="$1"
+  # Inside an activated virtual environment of ours, python3 would be that one: take the one it was made from.
+  PHIL_PYTHON="${PHIL_PYTHON:-$(PATH="${PATH//"$PHIL_ROOT/.venv-ros/bin:"/}"; PATH="${PATH//"$PHIL_ROOT/.venv/bin:"/}"; command -v python3 || echo python3)}"
+  if [ -n "${ROS_DISTRO:-}" ] && [ -n "${AMENT_PREFIX_PATH:-}" ]; then
+    [ "$ROS_DISTRO" = jazzy ] || phil_fail "ROS 2 $ROS_DISTRO is sourced; Jazzy is needed (or a shell without ROS 2: then wheels are used)"
+    PHIL_ROS=sourced PHIL_VENV="$PHIL_ROOT/.venv-ros"
+  else
+    PHIL_ROS=wheels PHIL_VENV="$PHIL_ROOT/.venv"
+    unset AMENT_PREFIX_PATH PYTHONPATH
+  fi
+  phil_check_system
+  # One set-up at a time: two scripts started together must not install into each other.
+  exec 9>"$PHIL_ROOT/.phil-setup.lock"
+  command -v flock >/dev/null && flock 9
+  phil_install "$purpose"
+  # shellcheck disable=SC1091
+  . "$PHIL_VENV/bin/activate"
+  [ "$PHIL_ROS" = wheels ] && export AMENT_PREFIX_PATH="$VIRTUAL_ENV"
+  phil_build
+  exec 9>&-
+  set +u # colcon's scripts read variables that are not set
+  # shellcheck disable=SC1091
+  . "$PHIL_ROOT/install/local_setup.bash"
+  set -u
+  # Small matrices: threads of the BLAS only fight with the other nodes for the cores.
+  export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
+  export PYTHONUNBUFFERED=1 RCUTILS_COLORIZED_OUTPUT=0
+  # A rig does not listen to the neighbours' rigs unless it is told to.
+  [ -n "${ROS_LOCALHOST_ONLY:-}" ] || export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+  export PYTHONPATH="$PHIL_ROOT/scripts${PYTHONPATH:+:$PYTHONPATH}"
+}

@@ -1,0 +1,1 @@
+"""One ride from one command: start the nodes, bring them up in order, record, take them down, report."""

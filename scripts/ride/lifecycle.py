@@ -1,0 +1,82 @@
+"""Brings lifecycle nodes up and down from outside."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.node import Node
+
+CONFIGURE = Transition.TRANSITION_CONFIGURE
+ACTIVATE = Transition.TRANSITION_ACTIVATE
+DEACTIVATE = Transition.TRANSITION_DEACTIVATE
+CLEANUP = Transition.TRANSITION_CLEANUP
+SHUTDOWN = {
+    "unconfigured": Transition.TRANSITION_UNCONFIGURED_SHUTDOWN,
+    "inactive": Transition.TRANSITION_INACTIVE_SHUTDOWN,
+    "active": Transition.TRANSITION_ACTIVE_SHUTDOWN,
+}
+NEXT = {CONFIGURE: "inactive", ACTIVATE: "active", DEACTIVATE: "inactive", CLEANUP: "unconfigured"}
+
+
+class RideError(RuntimeError):
+    """The ride cannot go on; the text says why and what to do."""
+
+
+class Managed:
+    """One lifecycle node; ``spin`` runs the caller's executor for a moment and raises if the ride is over."""
+
+    def __init__(self, node: Node, name: str, spin: Callable[[], None]) -> None:
+        self.name = name
+        self.state = "unconfigured"
+        self._client = node.create_client(ChangeState, f"{name}/change_state")
+        self._spin = spin
+
+    def wait(self, seconds: float) -> None:
+        """Wait until the node answers.
+
+        Raises
+        ------
+        RideError
+            It does not.
+        """
+        deadline = time.monotonic() + seconds
+        while not self._client.service_is_ready():
+            if time.monotonic() > deadline:
+                raise RideError(f"{self.name} did not come up within {seconds:g} s")
+            self._spin()
+
+    def go(self, transition: int, seconds: float) -> None:
+        """Make one transition.
+
+        Raises
+        ------
+        RideError
+            The node refused or did not answer in time.
+        """
+        if not self._call(transition, seconds):
+            raise RideError(f"{self.name} refused to {_VERBS[transition]}")
+        self.state = NEXT[transition]
+
+    def shut_down(self, seconds: float) -> None:
+        """End the node's process from whatever state it is in."""
+        if self._call(SHUTDOWN[self.state], seconds):
+            self.state = "finalized"
+
+    def _call(self, transition: int, seconds: float) -> bool:
+        request = ChangeState.Request()
+        request.transition.id = transition
+        future: Any = self._client.call_async(request)
+        deadline = time.monotonic() + seconds
+        while not future.done():
+            if time.monotonic() > deadline:
+                self._client.remove_pending_request(future)
+                raise RideError(f"{self.name} did not answer within {seconds:g} s")
+            self._spin()
+        return bool(future.result().success)
+
+
+_VERBS = {CONFIGURE: "configure", ACTIVATE: "activate", DEACTIVATE: "deactivate", CLEANUP: "clean up"}

@@ -1,0 +1,80 @@
+"""Command line of a ride."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+
+SHORTCUTS = {
+    "speed_kmh": ("catenary_model", "speed_kmh"),
+    "duration": ("test_rig_sim", "duration"),
+    "mode": ("test_rig_sim", "mode"),
+    "pantograph": ("test_rig_sim", "pantograph"),
+    "seed": ("test_rig_sim", "seed"),
+}
+"""Options that are nothing but parameters of a node."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What was asked for: ``overrides`` maps node to dotted parameter to value, and wins over ``params``."""
+
+    out: Path
+    params: Path | None
+    overrides: dict[str, dict[str, Any]]
+    bag: bool
+    report: bool
+    overwrite: bool
+
+
+def parse(argv: Sequence[str] | None = None) -> Options:
+    """Read the command line; ends the process with code 2 and a message if it is wrong."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/run.sh",
+        description="Emulate a train ride: catenary, impedance controller, test rig and monitor in four processes, "
+        "recorded into a bag, with a report at the end.",
+        epilog="Examples: scripts/run.sh   |   scripts/run.sh --speed-kmh 200 --duration 30 --pantograph en50318   |   "
+        "scripts/run.sh --set impedance_mpc.correction=false --out rides/without-correction",
+    )
+    add = parser.add_argument
+    add("--speed-kmh", type=float, metavar="V", help="speed of the train in km/h (catenary_model.speed_kmh)")
+    add("--duration", type=float, metavar="S", help="length of the ride in s, 0: until Ctrl-C (test_rig_sim.duration)")
+    add("--mode", choices=("lockstep", "realtime"), help="wait for each other, or follow the clock (test_rig_sim.mode)")
+    add("--pantograph", metavar="NAME", help="unit under test (test_rig_sim.pantograph)")
+    add("--seed", type=int, metavar="N", help="seed of the measurement noise (test_rig_sim.seed)")
+    add("--params", type=Path, metavar="FILE", help="ROS parameter file for all nodes together")
+    add("--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter; may be given again")
+    add("--out", type=Path, metavar="DIR", help="where bag, report and figures go (rides/DATE-TIME)")
+    add("--overwrite", action="store_true", help="replace a ride that is already in DIR")
+    add("--no-bag", action="store_true", help="record nothing: no report either, only the monitor's last figures")
+    add("--no-report", action="store_true", help="record, but make no report (scripts/analyze.sh makes it later)")
+    given = parser.parse_args(argv)
+
+    overrides: dict[str, dict[str, Any]] = {}
+    for entry in given.set:
+        target, separator, text = entry.partition("=")
+        node, dot, key = target.partition(".")
+        if not (separator and dot and node and key):
+            parser.error(f"--set {entry}: the form is NODE.KEY=VALUE")
+        overrides.setdefault(node, {})[key] = yaml.safe_load(text)
+    for option, (node, key) in SHORTCUTS.items():
+        value = getattr(given, option)
+        if value is not None:
+            overrides.setdefault(node, {})[key] = value
+    out = given.out or ROOT / "rides" / f"{datetime.now():%Y%m%d-%H%M%S}"
+    return Options(
+        out=out.resolve(),
+        params=given.params,
+        overrides=overrides,
+        bag=not given.no_bag,
+        report=not (given.no_bag or given.no_report),
+        overwrite=given.overwrite,
+    )

@@ -1,0 +1,82 @@
+"""All parameters of a ride, checked before anything is started."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import yaml
+from phil_node.parameters import Group, ParameterError, build, defaults, infos, read_file, values_of
+
+NODES = ("catenary_model", "impedance_mpc", "energy_monitor", "test_rig_sim")
+"""The nodes, in the order in which they are brought up."""
+
+
+def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Merge the nodes' defaults, a parameter file and overrides; give node to flat values, complete and checked.
+
+    Raises
+    ------
+    ParameterError
+        One line for each node or parameter that is unknown, of a wrong type or out of range.
+    """
+    from_file = read_file(params) if params else {}
+    problems = [
+        f"{params}: there is no node '{name}' (nodes: {', '.join(NODES)})"
+        for name in from_file
+        if name not in NODES and "*" not in name
+    ]
+    problems += [f"--set: there is no node '{name}' (nodes: {', '.join(NODES)})" for name in overrides if name not in NODES]
+    shared = {key: value for name, values in from_file.items() if "*" in name for key, value in values.items()}
+    models = {name: _model(name) for name in NODES}
+    known = {name: {info.name for info in infos(model)} for name, model in models.items()}
+    for key in shared:
+        if not any(key in names for names in known.values()) and key != "use_sim_time":
+            problems.append(f"{params}: no node has a parameter '{key}'")
+    settings = {}
+    for name in NODES:
+        values = defaults(name)
+        values |= {key: value for key, value in shared.items() if key in known[name]}
+        values |= from_file.get(name, {})
+        values |= overrides.get(name, {})
+        try:
+            settings[name] = values_of(build(models[name], values, name))
+        except ParameterError as error:
+            problems.append(str(error))
+    if problems:
+        raise ParameterError("\n".join(problems))
+    _check_together(settings)
+    return settings
+
+
+def write(settings: Mapping[str, Mapping[str, Any]], path: Path) -> None:
+    """Write the parameters as a ROS parameter file that gives the same ride again."""
+    tree = {name: {"ros__parameters": _nest(values)} for name, values in settings.items()}
+    lead = "# Everything that this ride ran with. To ride the same again: scripts/run.sh --params THIS_FILE\n"
+    path.write_text(lead + yaml.safe_dump(tree, sort_keys=False), encoding="utf-8")
+
+
+def _model(name: str) -> type[Group]:
+    found: type[Group] = import_module(f"{name}.parameters").Parameters
+    return found
+
+
+def _check_together(settings: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse nodes that would not fit together."""
+    times = {name: values["cycle_time"] for name, values in settings.items()}
+    if len(set(times.values())) > 1:
+        listed = ", ".join(f"{name} {value:g} s" for name, value in times.items())
+        raise ParameterError(f"parameter 'cycle_time' has to be the same in all nodes, but is: {listed}")
+
+
+def _nest(flat: Mapping[str, Any]) -> dict[str, Any]:
+    tree: dict[str, Any] = {}
+    for name, value in flat.items():
+        *path, last = name.split(".")
+        branch = tree
+        for part in path:
+            branch = branch.setdefault(part, {})
+        branch[last] = value
+    return tree

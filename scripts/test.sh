@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# Sets up, builds and runs all checks: ruff, mypy, pytest. Arguments go to pytest (e.g. -k equilibrium, -m 'not integration').
+set -u
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  cat <<'HELP'
+usage: scripts/test.sh [pytest arguments]
+Sets up a virtual environment, builds the workspace, runs ruff, mypy and pytest.
+With arguments only pytest is run, with these arguments:
+    scripts/test.sh -m "not integration"     without the tests that start the nodes
+    scripts/test.sh tests/catenary_model     one package
+HELP
+  exit 0
+fi
+. "$(dirname "${BASH_SOURCE[0]}")/lib/environment.sh"
+phil_environment test
+cd "$PHIL_ROOT" || exit 3
+status=0
+if [ "$#" -eq 0 ]; then
+  echo "== ruff" && ruff check . && ruff format --check . || status=1
+  echo "== mypy" && mypy || status=1
+fi
+echo "== pytest"
+python -m pytest "$@" || status=1
+exit "$status"
