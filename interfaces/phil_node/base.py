@@ -274,7 +274,9 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self.changed(names)
 
     def _publish_diagnosis(self) -> None:
-        found = self.diagnose() if self.active else Diagnosis(message="configured" if self.configured else "unconfigured")
+        found = (
+            self.diagnose() if self.active else Diagnosis(message="configured" if self.configured else "unconfigured")
+        )
         status = self._status
         status.level, status.message = found.level, found.message
         figures = {**self.timing.summary(), **found.values}

@@ -15,7 +15,7 @@ def finite(*values: float) -> bool:
 
 
 def finite_array(values: Sequence[float], out: NDArray[np.float64]) -> bool:
-    """Copy ``values`` into ``out``; tell whether the size fits and every entry is finite (else ``out`` is undefined)."""
+    """Copy ``values`` into ``out``; tell whether the size fits and every entry is finite (else ``out`` is unusable)."""
     if len(values) != out.shape[0]:
         return False
     out[:] = values

@@ -130,7 +130,7 @@ def build(model: type[G], values: Mapping[str, Any], node: str = "") -> G:
     if problems:
         raise ParameterError("\n".join(problems))
     try:
-        return model.model_validate(_nest(clean))
+        return model.model_validate(nest(clean))
     except ValidationError as error:
         lines = []
         for item in error.errors():
@@ -149,6 +149,18 @@ def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         else:
             flat[f"{prefix}{name}"] = value
     return flat
+
+
+def nest(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn dotted names back into nested mappings."""
+    tree: dict[str, Any] = {}
+    for name, value in flat.items():
+        *path, last = name.split(".")
+        branch = tree
+        for part in path:
+            branch = branch.setdefault(part, {})
+        branch[last] = value
+    return tree
 
 
 def values_of(group: Group) -> dict[str, Any]:
@@ -202,7 +214,7 @@ def config_file(package: str, name: str) -> Path:
         from ament_index_python.packages import get_package_share_directory
 
         candidates.append(Path(get_package_share_directory(package)) / "config" / name)
-    except (ImportError, LookupError):
+    except (ImportError, LookupError, OSError):  # no ROS, not installed, or nothing sourced
         pass
     candidates.append(Path(__file__).resolve().parents[2] / package / "config" / name)
     for path in candidates:
@@ -237,14 +249,14 @@ def _convert(info: Info, value: Any) -> Any:
         return _number(info, value)
     if type(value) is not info.kind:
         return None
-    if info.kind is int and not _within(info, value):
+    if isinstance(value, int) and info.kind is int and not _within(info, value):
         return None
     if info.choices and value not in info.choices:
         return None
     return value
 
 
-def _number(info: Info, value: Any) -> float | None:
+def _number(info: Info, value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
     return float(value) if math.isfinite(value) and _within(info, value) else None
@@ -252,17 +264,6 @@ def _number(info: Info, value: Any) -> float | None:
 
 def _within(info: Info, value: float) -> bool:
     return (info.low is None or value >= info.low) and (info.high is None or value <= info.high)
-
-
-def _nest(flat: Mapping[str, Any]) -> dict[str, Any]:
-    tree: dict[str, Any] = {}
-    for name, value in flat.items():
-        *path, last = name.split(".")
-        branch = tree
-        for part in path:
-            branch = branch.setdefault(part, {})
-        branch[last] = value
-    return tree
 
 
 def _nearest(name: str, known: Mapping[str, Info]) -> str:

@@ -36,7 +36,7 @@ class Timing:
     def connect(self, message: Any, send: Callable[[Any], None], budget: float, count_overruns: bool = True) -> None:
         """Send batches as ``message`` (a CycleTiming, reused) through ``send``; ``budget`` is the cycle time in s.
 
-        With ``count_overruns`` False the owner counts ``late`` itself (the rig, which knows when a command is too late).
+        With ``count_overruns`` False the owner counts ``late`` itself (the rig knows when a command is too late).
         """
         self._message, self._send, self.budget, self.count_overruns = message, send, budget, count_overruns
         message.budget = budget

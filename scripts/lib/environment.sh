@@ -100,6 +100,8 @@ phil_build() {
     tail -n 40 "$log" >&2
     phil_fail "the build failed; all of it is in $log"
   }
+  # Compiled kernels do not notice changes in functions of other files that were inlined into them.
+  find "$PHIL_ROOT/install" "${nodes[@]/#/$PHIL_ROOT/}" \( -name '*.nbi' -o -name '*.nbc' \) -delete
   printf '%s' "$digest" >"$interfaces"
   phil_digest "${nodes[@]}" >"$packages"
 }

@@ -1,0 +1,26 @@
+"""Installs the package test_rig_sim for ament_python."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "test_rig_sim"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", [str(path) for path in Path("config").glob("*.yaml")]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="phil-catenary maintainers",
+    maintainer_email="maintainers@example.org",
+    description="Simulated pantograph test rig",
+    license="Apache-2.0",
+    entry_points={"console_scripts": [f"{NAME} = {NAME}.node:main"]},
+)

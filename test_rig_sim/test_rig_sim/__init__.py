@@ -1,0 +1,1 @@
+"""Simulated pantograph test rig: linear drive, inner position loop, pantograph, contact, load cell."""

@@ -1,0 +1,184 @@
+"""The node itself, in this process, against a partner that plays the impedance controller."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+pytest.importorskip("phil_interfaces", reason="the interfaces are not built, or not sourced")
+rclpy = pytest.importorskip("rclpy")
+
+from phil_interfaces.msg import ImpedanceCommand, RigState  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from phil_node.qos import CYCLE  # noqa: E402
+from test_rig_sim.node import ENDED, RigNode  # noqa: E402
+from test_rig_sim.supervisor import Mode  # noqa: E402
+
+pytestmark = pytest.mark.integration
+
+CYCLES = 60
+Answer = Callable[[int], tuple[float, float] | None]
+
+
+def sine(k: int) -> tuple[float, float]:
+    return 0.01 * math.sin(0.02 * k), 0.01 * math.sin(0.02 * (k + 1))
+
+
+class Ride:
+    """A rig node and its partner; `answer(k)` gives the command of cycle k or None for silence."""
+
+    def __init__(self, answer: Answer) -> None:
+        self.answer = answer
+        self.states: list[tuple[Any, ...]] = []
+        self.rig = RigNode()
+        self.partner = Node("partner")
+        self.commands = self.partner.create_publisher(ImpedanceCommand, "impedance_mpc/command", CYCLE)
+        self.partner.create_subscription(RigState, "test_rig_sim/state", self._take, CYCLE)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.rig)
+        self.executor.add_node(self.partner)
+
+    def _take(self, m: RigState) -> None:
+        stamp = (m.header.stamp.sec, m.header.stamp.nanosec)
+        if not self.states or m.cycle != self.states[-1][0]:
+            self.states.append((m.cycle, m.mode, m.last, stamp, m.w_tr, m.v_tr, m.f_tr, m.work, m.late_commands))
+        self.send(m.cycle, m.header)
+
+    def send(self, k: int, header: Any) -> None:
+        u = self.answer(k)
+        if u is not None:
+            command = ImpedanceCommand(cycle=k, u_tr=u[0], u_tr_next=u[1])
+            command.header = header
+            self.commands.publish(command)
+
+    def run(self, spins: int = 4000) -> None:
+        self.rig.trigger_configure()
+        self.rig.trigger_activate()
+        for _ in range(spins):
+            self.executor.spin_once(timeout_sec=0.05)
+            if self.rig._phase == ENDED:
+                break
+
+    def close(self) -> None:
+        self.rig.trigger_deactivate()
+        self.rig.trigger_cleanup()
+        self.executor.shutdown()
+        self.rig.destroy_node()
+        self.partner.destroy_node()
+
+
+@pytest.fixture
+def ride(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Ride]]:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "87")
+    rides: list[Ride] = []
+
+    def make(answer: Answer, **parameters: Any) -> Ride:
+        if rclpy.ok():
+            rclpy.shutdown()
+        values = {"duration": CYCLES * 0.002, "wait_for_subscribers": 1, **parameters}
+        arguments = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+        rclpy.init(args=["--ros-args", *arguments])
+        rides.append(Ride(answer))
+        return rides[-1]
+
+    yield make
+    for found in rides:
+        if found.rig.context.ok():
+            found.close()
+    rclpy.try_shutdown()
+
+
+def test_lockstep_ride_is_complete_and_ends_after_its_last_command(ride: Any) -> None:
+    found = ride(sine)
+    found.run()
+    assert [s[0] for s in found.states] == list(range(CYCLES))
+    assert [s[2] for s in found.states] == [False] * (CYCLES - 1) + [True]
+    assert [s[1] for s in found.states] == [Mode.HOLD] + [Mode.TRACKING] * (CYCLES - 1)
+    assert found.states[7][3] == (0, 14_000_000)
+    assert found.rig._supervisor.mode is Mode.STOPPED
+    assert found.rig.timing.late == found.rig.timing.stale == found.rig.timing.refused == 0
+
+
+def test_two_lockstep_rides_are_equal(ride: Any) -> None:
+    first = ride(sine)
+    first.run()
+    first.close()
+    second = ride(sine)
+    second.run()
+    assert first.states == second.states
+
+
+def test_nan_and_out_of_limit_commands_are_refused_and_bridged(ride: Any) -> None:
+    bad = {20: (math.nan, 0.0), 21: (0.0, math.inf), 22: (5.0, 5.0)}
+    found = ride(lambda k: bad.get(k, sine(k)))
+    found.run()
+    assert found.rig.timing.refused == 3
+    assert [s[1] for s in found.states[20:25]] == [
+        Mode.TRACKING,
+        Mode.BRIDGING,
+        Mode.HOLDING,
+        Mode.HOLDING,
+        Mode.TRACKING,
+    ]
+    assert len(found.states) == CYCLES
+
+
+def test_emergency_stop_retracts_and_ends_the_ride(ride: Any) -> None:
+    answers: list[Any] = []
+
+    def answer(k: int) -> tuple[float, float]:
+        if k == 30:
+            answers.append(found.rig._serve_emergency_stop(Trigger.Request(), Trigger.Response()))
+        return sine(k)
+
+    found = ride(answer, duration=10.0)
+    found.run()
+    assert answers[0].success
+    assert found.states[31][1] == Mode.RETRACTING
+    assert found.states[-1][1:3] == (Mode.STOPPED, True)
+    assert "emergency stop" in found.rig.diagnose().message
+
+
+def test_state_without_an_answer_is_repeated(ride: Any) -> None:
+    silent = {10: 2}
+
+    def answer(k: int) -> tuple[float, float] | None:
+        silent[k] = silent.get(k, 0) - 1
+        return None if silent[k] >= 0 else sine(k)
+
+    found = ride(answer)
+    found.run()
+    assert len(found.states) == CYCLES
+    assert found.rig.timing.stale == 0
+
+
+def test_realtime_ride_of_a_silent_partner_is_bridged_held_and_retracted(ride: Any) -> None:
+    found = ride(lambda k: sine(k) if k < 20 else None, mode="realtime", duration=10.0, late_limit=10)
+    found.run()
+    modes = [s[1] for s in found.states]
+    # Late commands before cycle 20 depend on the machine; that the last nine before the retract were bridged or held
+    # does not.
+    end = modes.index(Mode.RETRACTING)
+    assert 20 < end <= 30
+    assert set(modes[end - 9 : end]) <= {Mode.BRIDGING, Mode.HOLDING}
+    assert modes[-1] == Mode.STOPPED
+    assert found.states[-1][2]
+    assert found.states[-1][8] >= 10
+    assert "successive cycles without a command" in found.rig.diagnose().message
+
+
+def test_reset_begins_anew_with_cycle_zero(ride: Any) -> None:
+    found = ride(sine)
+    found.run()
+    first = list(found.states)
+    found.states.clear()
+    found.rig._serve_reset(Trigger.Request(), Trigger.Response())
+    for _ in range(4000):
+        found.executor.spin_once(timeout_sec=0.05)
+        if found.rig._phase == ENDED:
+            break
+    assert found.states == first

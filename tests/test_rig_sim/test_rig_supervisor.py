@@ -1,0 +1,190 @@
+"""Modes of the rig: late commands, retract, limits, emergency stop."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from test_rig_sim.retract import Retract, arrived, retract_step
+from test_rig_sim.supervisor import Limits, Mode, Ramp, Supervisor
+
+LIMITS = Limits(
+    late_limit=5,
+    position=0.3,
+    reference_step=0.05,
+    trip_position=0.35,
+    trip_speed=4.0,
+    trip_force=1000.0,
+    trip_saturation=10,
+)
+RETRACT = Retract(position=0.0, speed=0.25, acceleration=5.0)
+TS = 0.002
+
+
+def fresh() -> Supervisor:
+    return Supervisor(LIMITS, RETRACT, TS)
+
+
+def test_holds_until_the_first_command() -> None:
+    assert fresh().mode is Mode.HOLD
+
+
+def test_command_in_time_is_followed() -> None:
+    rig = fresh()
+    assert rig.follow(0.01, 0.012) == Ramp(0.01, 0.012)
+    assert rig.mode is Mode.TRACKING
+
+
+def test_late_command_is_bridged_then_held_then_retracted() -> None:
+    rig = fresh()
+    rig.follow(0.01, 0.012)
+    modes = []
+    for _ in range(5):
+        ramp = rig.bridge()
+        modes.append(rig.mode)
+        if rig.mode is not Mode.RETRACTING:
+            assert ramp == Ramp(0.012, 0.012)
+    assert modes == [Mode.BRIDGING, Mode.HOLDING, Mode.HOLDING, Mode.HOLDING, Mode.RETRACTING]
+    assert rig.reason == "5 successive cycles without a command"
+
+
+def test_prediction_of_a_late_command_is_the_goal_of_the_next_bridge() -> None:
+    rig = fresh()
+    rig.follow(0.01, 0.012)
+    rig.bridge()
+    rig.predict(0.016)
+    assert rig.bridge() == Ramp(0.012, 0.016)
+    assert rig.mode is Mode.BRIDGING
+    assert rig.bridge() == Ramp(0.016, 0.016)
+    assert rig.mode is Mode.HOLDING
+
+
+def test_command_ends_a_bridge_and_the_count_of_late_ones() -> None:
+    rig = fresh()
+    for _ in range(10):
+        for _ in range(4):
+            rig.bridge()
+        rig.follow(0.0, 0.001)
+        assert rig.mode is Mode.TRACKING
+        assert rig.late_in_a_row == 0
+
+
+def test_retract_ends_stopped_at_the_safe_position_and_does_not_rearm() -> None:
+    rig = fresh()
+    rig.follow(0.1, 0.1)
+    rig.retract("emergency stop")
+    end = 0.1
+    for _ in range(2000):
+        ramp = rig.follow(0.2, 0.2)
+        assert ramp.start == end
+        end = ramp.end
+    assert rig.mode is Mode.STOPPED
+    assert end == RETRACT.position
+    assert rig.reason == "emergency stop"
+
+
+def test_first_reason_stays() -> None:
+    rig = fresh()
+    rig.retract("emergency stop")
+    rig.watch(1.0, 0.0, 0.0, False)
+    assert rig.reason == "emergency stop"
+
+
+@pytest.mark.parametrize(
+    ("state", "word"),
+    [
+        ((0.36, 0.0, 100.0, False), "trip_position"),
+        ((0.0, -4.1, 100.0, False), "trip_speed"),
+        ((0.0, 0.0, 1001.0, False), "trip_force"),
+        ((math.nan, 0.0, 100.0, False), "finite"),
+    ],
+)
+def test_soft_limits_trip(state: tuple[float, float, float, bool], word: str) -> None:
+    rig = fresh()
+    rig.follow(0.0, 0.0)
+    rig.watch(*state)
+    assert rig.mode is Mode.RETRACTING
+    assert word in rig.reason
+
+
+def test_saturation_trips_only_when_it_lasts() -> None:
+    rig = fresh()
+    rig.follow(0.0, 0.0)
+    for _ in range(9):
+        rig.watch(0.0, 0.0, 0.0, True)
+    rig.watch(0.0, 0.0, 0.0, False)
+    for _ in range(9):
+        rig.watch(0.0, 0.0, 0.0, True)
+    assert rig.mode is Mode.TRACKING
+    rig.watch(0.0, 0.0, 0.0, True)
+    assert rig.mode is Mode.RETRACTING
+
+
+@pytest.mark.parametrize(
+    ("u_tr", "u_tr_next"),
+    [(math.nan, 0.0), (0.0, math.inf), (0.31, 0.3), (0.0, 0.051), (0.06, 0.06), (-0.06, -0.06)],
+)
+def test_bad_commands_are_not_admissible(u_tr: float, u_tr_next: float) -> None:
+    rig = fresh()
+    assert rig.admissible(0.0, 0.04)
+    assert not rig.admissible(u_tr, u_tr_next)
+
+
+def test_end_of_the_ride_stops() -> None:
+    rig = fresh()
+    rig.follow(0.0, 0.01)
+    rig.finish()
+    assert rig.mode is Mode.STOPPED
+    assert rig.reason == ""
+    assert rig.follow(0.02, 0.02) == Ramp(0.01, 0.01)
+
+
+EVENTS = st.lists(
+    st.one_of(
+        st.tuples(st.just("follow"), st.floats(-0.3, 0.3)),
+        st.tuples(st.just("bridge"), st.just(0.0)),
+        st.tuples(st.just("predict"), st.floats(-0.3, 0.3)),
+        st.tuples(st.just("trip"), st.just(0.0)),
+    ),
+    max_size=60,
+)
+
+
+@given(EVENTS)
+@settings(max_examples=100)
+def test_nothing_leaves_retracting_but_to_stopped_and_references_stay_within_limits(
+    events: list[tuple[str, float]],
+) -> None:
+    rig = fresh()
+    given_up = False
+    for kind, value in events:
+        ramp = None
+        if kind == "follow":
+            ramp = rig.follow(value, value)
+        elif kind == "bridge":
+            ramp = rig.bridge()
+        elif kind == "predict":
+            rig.predict(value)
+        else:
+            rig.retract("test")
+        if given_up:
+            assert rig.mode in (Mode.RETRACTING, Mode.STOPPED)
+        given_up = given_up or not rig.moving
+        if ramp is not None:
+            assert max(abs(ramp.start), abs(ramp.end)) <= LIMITS.position + 0.02
+
+
+@given(st.floats(-0.3, 0.3), st.floats(-0.25, 0.25), st.floats(-0.3, 0.3))
+@settings(max_examples=100)
+def test_retract_motion_keeps_its_limits_and_arrives(reference: float, speed: float, goal: float) -> None:
+    limits = RETRACT._replace(position=goal)
+    cycles = 0
+    while not arrived(limits, reference, speed):
+        following, faster = retract_step(limits, reference, speed, TS)
+        assert abs(faster) <= limits.speed + 1e-12
+        assert abs(faster - speed) <= limits.acceleration * TS + 1e-12
+        reference, speed = following, faster
+        cycles += 1
+        # 0.6 m at 0.25 m/s take 2.4 s; starting and stopping add less than 0.6 s.
+        assert cycles < 1500
