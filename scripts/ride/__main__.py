@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
-from phil_node.parameters import ParameterError
 from rich.console import Console
 
+from phil_node.parameters import ParameterError
 from ride.options import Options, parse
-from ride.settings import resolve, write
+from ride.settings import Settings, resolve, write
 
 OK, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130
 
@@ -35,17 +36,15 @@ def main() -> int:
     return _ride_and_report(options, settings, console, errors)
 
 
-def _ride_and_report(options: Options, settings: dict[str, dict[str, object]], console: Console, errors: Console) -> int:
+def _ride_and_report(options: Options, settings: Settings, console: Console, errors: Console) -> int:
     # The middleware is loaded only now, so that --help and wrong parameters answer at once.
     from ride.lifecycle import RideError
-    from ride.session import Interrupted, Ride
+    from ride.session import Ride, RideInterrupt
+    from ride.summary import live_summary
 
     train, rig = settings["catenary_model"], settings["test_rig_sim"]
-    console.print(
-        f"{train['speed_kmh']} km/h, pantograph {rig['pantograph']}, {rig['mode']}, seed {rig['seed']} -> {options.out}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    what = f"{train['speed_kmh']:g} km/h, pantograph {rig['pantograph']}, {rig['mode']}, seed {rig['seed']}"
+    console.print(f"{what} -> {options.out}", highlight=False, soft_wrap=True)
     ride = Ride(settings, options.out, options.bag, console)
     code = OK
     try:
@@ -54,27 +53,26 @@ def _ride_and_report(options: Options, settings: dict[str, dict[str, object]], c
         errors.print(f"the ride failed: {error}")
         errors.print(f"logs: {options.out / 'logs'}")
         code = FAILED
-    except Interrupted:
+    except RideInterrupt:
         code = INTERRUPTED
     if options.report and ride.bag_path.exists():
-        code = _report(ride, options, console, errors) if code == OK else (_report(ride, options, console, errors), code)[1]
+        verdict = _report(ride.bag_path, options.out, console, errors)
+        code = code or verdict
     elif ride.watch is not None:
-        from ride.summary import live_summary
-
         console.print(live_summary(ride.watch, ride.seconds))
     return code
 
 
-def _report(ride: object, options: Options, console: Console, errors: Console) -> int:
+def _report(bag: Path, out: Path, console: Console, errors: Console) -> int:
     from energy_monitor.report import ReportError, summary_table, write_report
 
     try:
-        report = write_report(ride.bag_path, options.out, params=options.out / "params.yaml")  # type: ignore[attr-defined]
+        report = write_report(bag, out, params=out / "params.yaml")
     except ReportError as error:
         errors.print(f"no report: {error}")
         return FAILED
     console.print(summary_table(report))
-    console.print(f"report: {options.out / 'report.html'}", highlight=False, soft_wrap=True)
+    console.print(f"report: {out / 'report.html'}", highlight=False, soft_wrap=True)
     return OK if report.ok else FAILED
 
 

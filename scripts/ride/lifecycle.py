@@ -33,7 +33,7 @@ class Managed:
         self.name = name
         self.state = "unconfigured"
         self._client = node.create_client(ChangeState, f"{name}/change_state")
-        self._spin = spin
+        self.spin = spin
 
     def wait(self, seconds: float) -> None:
         """Wait until the node answers.
@@ -47,7 +47,7 @@ class Managed:
         while not self._client.service_is_ready():
             if time.monotonic() > deadline:
                 raise RideError(f"{self.name} did not come up within {seconds:g} s")
-            self._spin()
+            self.spin()
 
     def go(self, transition: int, seconds: float) -> None:
         """Make one transition.
@@ -75,7 +75,7 @@ class Managed:
             if time.monotonic() > deadline:
                 self._client.remove_pending_request(future)
                 raise RideError(f"{self.name} did not answer within {seconds:g} s")
-            self._spin()
+            self.spin()
         return bool(future.result().success)
 
 

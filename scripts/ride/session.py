@@ -29,7 +29,7 @@ STALL_SECONDS = 20.0
 TAKE_DOWN_ORDER = tuple(reversed(NODES))
 
 
-class Interrupted(Exception):
+class RideInterrupt(Exception):  # noqa: N818 - no error: the operator's wish
     """The operator wants the ride to end."""
 
 
@@ -61,7 +61,7 @@ class Ride:
         ------
         RideError
             A node could not be brought up, died, stalled or reported an error.
-        Interrupted
+        RideInterrupt
             Ctrl-C or a signal ended the ride early; the bag is complete up to there.
         """
         handlers = {number: signal.signal(number, self._interrupt) for number in _SIGNALS}
@@ -111,9 +111,7 @@ class Ride:
         for managed in self._managed.values():
             managed.wait(START_SECONDS)
         self._refuse_neighbours()
-        with self._console.status("configuring (the first time compiles the kernels)") if self._console.is_terminal else (
-            contextlib.nullcontext()
-        ):
+        with self._busy("configuring (the first time compiles the kernels)"):
             for managed in self._managed.values():
                 managed.go(CONFIGURE, CONFIGURE_SECONDS)
             self._wait_for_recorder()
@@ -133,6 +131,9 @@ class Ride:
                     raise RideError(f"no cycle for {STALL_SECONDS:g} s, the last one was {self.watch.cycle}")
             display.show(self.watch)
         self.seconds = time.monotonic() - (self.watch.started or time.monotonic())
+
+    def _busy(self, text: str) -> contextlib.AbstractContextManager[object]:
+        return self._console.status(text) if self._console.is_terminal else contextlib.nullcontext()
 
     def _refuse_neighbours(self) -> None:
         """Refuse to command nodes that somebody else started."""
@@ -155,11 +156,11 @@ class Ride:
 
         Raises
         ------
-        RideError, Interrupted
+        RideError, RideInterrupt
         """
         self._executor.spin_once(timeout_sec=0.05)
         if self._interrupts:
-            raise Interrupted
+            raise RideInterrupt
         for process in [*self._nodes.values(), *([self._recorder] if self._recorder else [])]:
             if process.ended:
                 words = process.last_words()
@@ -169,16 +170,17 @@ class Ride:
         """Spin without caring who is still alive; a second interrupt cuts it short."""
         self._executor.spin_once(timeout_sec=0.05)
         if self._interrupts > 1:
-            raise Interrupted
+            raise RideInterrupt
 
     def _take_down(self) -> None:
         """Rig first, so that nothing moves when the others go; then the recorder, then the processes."""
         if not hasattr(self, "_executor"):
             return
-        alive = [self._managed[name] for name in TAKE_DOWN_ORDER if name in self._managed and not self._nodes[name].ended]
+        names = [name for name in TAKE_DOWN_ORDER if name in self._managed and not self._nodes[name].ended]
+        alive = [self._managed[name] for name in names]
         for managed in alive:
-            managed._spin = self._spin_down
-        with contextlib.suppress(Interrupted):
+            managed.spin = self._spin_down
+        with contextlib.suppress(RideInterrupt):
             for managed in alive:
                 if managed.state == "active":
                     with contextlib.suppress(RideError):
@@ -187,9 +189,8 @@ class Ride:
                 self._recorder.ask_to_end()
                 self._recorder.wait(15.0)
             for managed in alive:
-                if managed.state != "unconfigured" or self._executor is not None:
-                    with contextlib.suppress(RideError):
-                        managed.shut_down(5.0)
+                with contextlib.suppress(RideError):
+                    managed.shut_down(5.0)
             end_all(list(self._nodes.values()))
 
 

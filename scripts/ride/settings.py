@@ -8,13 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from phil_node.parameters import Group, ParameterError, build, defaults, infos, read_file, values_of
+
+from phil_node.parameters import Group, ParameterError, build, defaults, infos, nest, read_file, values_of
+
+Settings = dict[str, dict[str, Any]]
+"""Node name to flat dotted parameter to value."""
 
 NODES = ("catenary_model", "impedance_mpc", "energy_monitor", "test_rig_sim")
 """The nodes, in the order in which they are brought up."""
 
 
-def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]]) -> Settings:
     """Merge the nodes' defaults, a parameter file and overrides; give node to flat values, complete and checked.
 
     Raises
@@ -28,7 +32,8 @@ def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]]) -> 
         for name in from_file
         if name not in NODES and "*" not in name
     ]
-    problems += [f"--set: there is no node '{name}' (nodes: {', '.join(NODES)})" for name in overrides if name not in NODES]
+    strangers = [name for name in overrides if name not in NODES]
+    problems += [f"--set: there is no node '{name}' (nodes: {', '.join(NODES)})" for name in strangers]
     shared = {key: value for name, values in from_file.items() if "*" in name for key, value in values.items()}
     models = {name: _model(name) for name in NODES}
     known = {name: {info.name for info in infos(model)} for name, model in models.items()}
@@ -53,7 +58,7 @@ def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]]) -> 
 
 def write(settings: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     """Write the parameters as a ROS parameter file that gives the same ride again."""
-    tree = {name: {"ros__parameters": _nest(values)} for name, values in settings.items()}
+    tree = {name: {"ros__parameters": nest(values)} for name, values in settings.items()}
     lead = "# Everything that this ride ran with. To ride the same again: scripts/run.sh --params THIS_FILE\n"
     path.write_text(lead + yaml.safe_dump(tree, sort_keys=False), encoding="utf-8")
 
@@ -69,14 +74,3 @@ def _check_together(settings: Mapping[str, Mapping[str, Any]]) -> None:
     if len(set(times.values())) > 1:
         listed = ", ".join(f"{name} {value:g} s" for name, value in times.items())
         raise ParameterError(f"parameter 'cycle_time' has to be the same in all nodes, but is: {listed}")
-
-
-def _nest(flat: Mapping[str, Any]) -> dict[str, Any]:
-    tree: dict[str, Any] = {}
-    for name, value in flat.items():
-        *path, last = name.split(".")
-        branch = tree
-        for part in path:
-            branch = branch.setdefault(part, {})
-        branch[last] = value
-    return tree

@@ -22,7 +22,8 @@ def live_summary(watch: Watch, seconds: float) -> Table:
     if watch.books is not None:
         books = watch.books
         share = abs(books.delta_e) / books.exchanged_energy if books.exchanged_energy else 0.0
-        add("energy error", f"{books.delta_e:+.4f} J, {100.0 * share:.3f} % of {books.exchanged_energy:.1f} J exchanged")
+        of = f"{100.0 * share:.3f} % of {books.exchanged_energy:.1f} J exchanged"
+        add("energy error", f"{books.delta_e:+.4f} J, {of}")
         add("momentum error", f"{books.delta_p:+.3f} N s of {books.exchanged_momentum:.0f} N s")
     if watch.rig_timing is not None:
         add("late cycles", str(watch.rig_timing.late))

@@ -7,10 +7,11 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from phil_interfaces.msg import ConservedQuantities, ContactQuality, CycleTiming
-from phil_node.qos import CYCLE
 from rclpy.node import Node
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from phil_node.qos import CYCLE
 
 
 class Watch:

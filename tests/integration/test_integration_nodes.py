@@ -1,0 +1,196 @@
+"""Single nodes over real DDS: lifecycle, parameters, services, and what they do with bad messages."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.integration
+
+
+class Bench:
+    """One node in a process of its own, and a client node in this one."""
+
+    def __init__(self, package: str, environment: dict[str, str], *parameters: str) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.signals import SignalHandlerOptions
+
+        from ride.lifecycle import Managed
+
+        os.environ.update({k: environment[k] for k in ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE") if k in environment})
+        settings = [word for entry in parameters for word in ("-p", entry)]
+        command = [sys.executable, "-m", f"{package}.node", "--ros-args", *settings]
+        self.process = subprocess.Popen(command, env=environment, start_new_session=True)
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node("bench")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.name = package
+        self.managed = Managed(self.node, package, self.spin)
+        self.status: dict[str, Any] = {}
+        from diagnostic_msgs.msg import DiagnosticArray
+
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 10)
+        self.managed.wait(60.0)
+
+    def _take(self, message: Any) -> None:
+        for status in message.status:
+            self.status[status.hardware_id] = status
+
+    def spin(self) -> None:
+        self.executor.spin_once(timeout_sec=0.05)
+
+    def until(self, condition: Callable[[], bool], seconds: float = 20.0) -> bool:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            if condition():
+                return True
+            self.spin()
+        return condition()
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self.node.create_client(kind, name)
+        assert client.wait_for_service(20.0)
+        future = client.call_async(request)
+        assert self.until(future.done)
+        return future.result()
+
+    def set(self, **values: Any) -> Any:
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
+        listed = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        return self.call(SetParameters, f"{self.name}/set_parameters", SetParameters.Request(parameters=listed)).results[0]
+
+    def value(self, key: str) -> str:
+        """Give a figure of the node's diagnostics."""
+        status = self.status.get(self.name)
+        return next((entry.value for entry in status.values if entry.key == key), "") if status else ""
+
+    def close(self) -> None:
+        import rclpy
+
+        self.process.terminate()
+        self.process.wait(20.0)
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def bench(node_environment) -> Iterator[Callable[..., Bench]]:
+    """Start a node alone."""
+    made: list[Bench] = []
+
+    def make(package: str, *parameters: str) -> Bench:
+        made.append(Bench(package, node_environment, *parameters))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+@pytest.fixture
+def catenary(bench) -> tuple[Bench, Any, list[Any]]:
+    """An active catenary with a publisher of commands and the list of its states."""
+    from phil_interfaces.msg import CatenaryState, ImpedanceCommand
+
+    from phil_node.qos import CYCLE
+    from ride.lifecycle import ACTIVATE, CONFIGURE
+
+    one = bench("catenary_model")
+    states: list[Any] = []
+    one.node.create_subscription(CatenaryState, "catenary_model/state", states.append, CYCLE)
+    publisher = one.node.create_publisher(ImpedanceCommand, "impedance_mpc/command", CYCLE)
+    one.managed.go(CONFIGURE, 180.0)
+    one.managed.go(ACTIVATE, 30.0)
+    assert one.until(lambda: bool(states) and publisher.get_subscription_count() > 0)
+    return one, publisher, states
+
+
+def command(cycle: int, f_cat: float) -> Any:
+    from phil_interfaces.msg import ImpedanceCommand
+
+    return ImpedanceCommand(cycle=cycle, f_tr=f_cat, f_cat=f_cat)
+
+
+def test_the_catenary_answers_each_command_with_the_next_state(catenary):
+    one, publisher, states = catenary
+    for cycle in range(5):
+        publisher.publish(command(cycle, 100.0))
+        assert one.until(lambda wanted=cycle + 1: states[-1].cycle == wanted)
+    assert states[-1].w_cat > states[0].w_cat
+
+
+def test_nan_and_stale_commands_are_refused_counted_and_shown(catenary):
+    one, publisher, states = catenary
+    publisher.publish(command(0, 100.0))
+    assert one.until(lambda: states[-1].cycle == 1)
+    publisher.publish(command(1, float("nan")))
+    publisher.publish(command(1, float("inf")))
+    publisher.publish(command(0, 100.0))
+    assert one.until(lambda: one.value("refused") == "2" and one.value("stale") == "1")
+    assert max(state.cycle for state in states) == 1
+    publisher.publish(command(1, 100.0))
+    assert one.until(lambda: states[-1].cycle == 2)
+
+
+def test_parameters_cannot_change_while_active_and_say_so(catenary):
+    one, _, _ = catenary
+    refused = one.set(spans=5)
+    assert not refused.successful
+    assert "spans" in refused.reason and "active" in refused.reason
+
+
+def test_reset_brings_the_catenary_back_to_cycle_0(catenary):
+    from std_srvs.srv import Trigger
+
+    one, publisher, states = catenary
+    first = states[0]
+    for cycle in range(3):
+        publisher.publish(command(cycle, 200.0))
+        assert one.until(lambda wanted=cycle + 1: states[-1].cycle == wanted)
+    assert one.call(Trigger, "catenary_model/reset", Trigger.Request()).success
+    assert one.until(lambda: states[-1].cycle == 0)
+    assert (states[-1].w_cat, states[-1].track_position) == (first.w_cat, first.track_position)
+
+
+def test_out_of_range_is_refused_in_any_state(bench):
+    one = bench("catenary_model")
+    assert not one.set(spans=4000).successful
+    assert not one.set(boundary="open").successful
+    assert one.set(spans=3).successful
+
+
+def test_the_controller_without_a_catenary_says_what_to_do(bench):
+    from ride.lifecycle import CONFIGURE, RideError
+
+    one = bench("impedance_mpc", "model_timeout:=1.0")
+    with pytest.raises(RideError, match="refused to configure"):
+        one.managed.go(CONFIGURE, 60.0)
+
+
+def test_emergency_stop_retracts_and_nothing_rearms(bench):
+    from phil_interfaces.msg import RigState
+    from std_srvs.srv import Trigger
+
+    from phil_node.qos import CYCLE
+    from ride.lifecycle import ACTIVATE, CONFIGURE
+
+    one = bench("test_rig_sim", "wait_for_subscribers:=1", "mode:=realtime", "duration:=0.0")
+    states: list[Any] = []
+    one.node.create_subscription(RigState, "test_rig_sim/state", states.append, CYCLE)
+    one.managed.go(CONFIGURE, 180.0)
+    one.managed.go(ACTIVATE, 30.0)
+    assert one.until(lambda: bool(states))
+    assert one.call(Trigger, "test_rig_sim/emergency_stop", Trigger.Request()).success
+    assert one.until(lambda: states[-1].mode in (RigState.MODE_RETRACTING, RigState.MODE_STOPPED))
+    assert one.until(lambda: one.status["test_rig_sim"].level == b"\x02" and "mergency" in one.status["test_rig_sim"].message)

@@ -1,0 +1,157 @@
+"""The closed loop of four real processes, from the command to the bag and the report."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+import yaml
+from energy_monitor.bag import read_bag
+from rosbags.rosbag2 import Reader
+
+from ride.shared_memory import snapshot
+
+pytestmark = pytest.mark.integration
+
+CYCLES = 1500
+CYCLE_TOPICS = ("/test_rig_sim/state", "/impedance_mpc/command", "/catenary_model/state")
+
+
+def raw(bag: Path) -> dict[str, list[bytes]]:
+    """Give the messages of the cycle topics as they were on the wire; repeated ones (start-up) once."""
+    found: dict[str, dict[bytes, None]] = {topic: {} for topic in CYCLE_TOPICS}
+    with Reader(bag) as reader:
+        chosen = [c for c in reader.connections if c.topic in CYCLE_TOPICS]
+        for connection, _, data in reader.messages(connections=chosen):
+            found[connection.topic][bytes(data)] = None
+    return {topic: list(messages) for topic, messages in found.items()}
+
+
+def test_the_ride_succeeds_and_leaves_what_was_promised(lockstep_ride):
+    assert lockstep_ride.code == 0, lockstep_ride.text
+    for name in ("params.yaml", "report.json", "report.html", "figures/ride.png", "bag/metadata.yaml"):
+        assert (lockstep_ride.out / name).is_file(), name
+    assert "report.html" in lockstep_ride.text
+
+
+def test_every_cycle_is_in_the_bag_once_and_matched(lockstep_ride):
+    bag = read_bag(lockstep_ride.out / "bag")
+    expected = {"/test_rig_sim/state": CYCLES, "/impedance_mpc/command": CYCLES, "/catenary_model/state": CYCLES + 1}
+    for topic, count in expected.items():
+        cycles = bag.tables[topic]["cycle"]
+        assert sorted(set(cycles.tolist())) == list(range(count)), topic
+    rig = bag.tables["/test_rig_sim/state"]
+    assert rig["last"].sum() == 1 and rig["last"][-1]
+
+
+def test_the_numbers_are_those_of_a_ride(lockstep_ride):
+    """Loose bounds: 3 s hold the soft start; the figures of a whole ride are in the report's verdicts."""
+    report = json.loads((lockstep_ride.out / "report.json").read_text())
+    text = json.dumps(report)
+    assert "NaN" not in text
+    bag = read_bag(lockstep_ride.out / "bag")
+    rig, catenary = bag.tables["/test_rig_sim/state"], bag.tables["/catenary_model/state"]
+    error = rig["w_tr"][1000:] - catenary["w_cat"][1000:CYCLES]
+    assert abs(error).max() < 5e-3  # a tenth of the uplift: the drive follows the wire
+    assert 60.0 < rig["f_tr"][1000:].mean() < 180.0  # about the pantograph's uplift force of 120 N
+    assert catenary["track_position"][-1] - catenary["track_position"][0] == pytest.approx(250.0 / 3.6 * 3.0, rel=1e-9)
+
+
+def test_the_parameter_file_holds_every_node(lockstep_ride):
+    tree = yaml.safe_load((lockstep_ride.out / "params.yaml").read_text())
+    assert set(tree) == {"catenary_model", "impedance_mpc", "energy_monitor", "test_rig_sim"}
+    assert tree["test_rig_sim"]["ros__parameters"]["seed"] == 7
+
+
+def test_nothing_is_left_running(lockstep_ride, leftovers):
+    assert leftovers(lockstep_ride.out) == []
+
+
+def test_the_same_seed_gives_the_same_ride_to_the_last_bit(lockstep_ride, ride):
+    again = ride("--params", str(lockstep_ride.out / "params.yaml"), "--no-report")
+    again.finish(240.0)
+    assert again.code == 0, again.text
+    first, second = raw(lockstep_ride.out / "bag"), raw(again.out / "bag")
+    for topic in CYCLE_TOPICS:
+        assert len(first[topic]) >= CYCLES
+        assert first[topic] == second[topic], topic
+
+
+def test_another_seed_gives_another_ride(lockstep_ride, ride):
+    other = ride("--duration", "1", "--seed", "8", "--no-report")
+    other.finish(240.0)
+    topic = "/test_rig_sim/state"
+    count = 500
+    assert raw(lockstep_ride.out / "bag")[topic][:count] != raw(other.out / "bag")[topic][:count]
+
+
+def test_ctrl_c_leaves_a_readable_bag_a_report_and_no_process(ride, leftovers):
+    before = snapshot()
+    going = ride("--duration", "0")
+    going.wait_until_riding()
+    os.killpg(going.process.pid, signal.SIGINT)
+    going.finish()
+    assert going.code == 130, going.text
+    assert leftovers(going.out) == []
+    bag = read_bag(going.out / "bag")
+    cycles = bag.tables["/test_rig_sim/state"]["cycle"].tolist()
+    assert bag.complete and sorted(set(cycles)) == list(range(len(set(cycles))))
+    assert (going.out / "report.html").is_file()
+    assert not [name for name in snapshot() - before if name.startswith(("fastrtps", "sem.fastrtps"))]
+
+
+def test_a_killed_node_fails_the_ride_and_is_named(ride, leftovers):
+    going = ride("--duration", "0", "--no-report")
+    going.wait_until_riding()
+    victims = [pid for pid in leftovers(going.out) if b"impedance_mpc.node" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    os.kill(victims[0], signal.SIGKILL)
+    going.finish()
+    assert going.code == 1, going.text
+    assert "impedance_mpc ended" in going.text
+    assert leftovers(going.out) == []
+    assert len(read_bag(going.out / "bag").tables["/test_rig_sim/state"]) > 0
+
+
+def test_a_killed_run_script_takes_everything_with_it_and_the_bag_is_readable(ride, leftovers):
+    going = ride("--duration", "0", "--no-report")
+    going.wait_until_riding()
+    going.process.kill()
+    going.process.wait()
+    for _ in range(100):
+        if not leftovers(going.out):
+            break
+        signal.sigtimedwait([], 0.1)
+    assert leftovers(going.out) == []
+    assert len(read_bag(going.out / "bag").tables["/test_rig_sim/state"]) > 100
+
+
+def test_real_time_follows_the_clock(ride):
+    done = ride("--duration", "2", "--mode", "realtime", "--no-report")
+    done.finish(240.0)
+    assert done.code == 0, done.text
+    bag = read_bag(done.out / "bag")
+    rig = bag.tables["/test_rig_sim/state"]
+    assert len(set(rig["cycle"].tolist())) == 1000
+    stamps = rig["header.stamp.sec"].astype(float) + 1e-9 * rig["header.stamp.nanosec"]
+    # Stamps are t_0 + k Ts on the wall clock: exact to a microsecond, whatever the machine's load.
+    assert stamps[-1] - stamps[0] == pytest.approx(999 * 0.002, abs=1e-6)
+
+
+def test_a_node_by_itself_refuses_wrong_parameters(node_environment):
+    import subprocess
+    import sys
+
+    for package, setting, words in (
+        ("catenary_model", "spans:=400", ("spans", "400")),
+        ("test_rig_sim", "nonsense:=1", ("nonsense", "unknown")),
+        ("impedance_mpc", "prediction_horizon:=thirty", ("prediction_horizon", "thirty", "integer")),
+    ):
+        command = [sys.executable, "-m", f"{package}.node", "--ros-args", "-p", setting]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=node_environment)
+        assert done.returncode == 2
+        for word in words:
+            assert word in done.stderr
+        assert "Traceback" not in done.stderr

@@ -1,0 +1,82 @@
+"""Merging and checking of all parameters before anything is started."""
+
+import subprocess
+import sys
+
+import pytest
+import yaml
+from ride.options import parse
+from ride.settings import NODES, resolve, write
+
+from phil_node.parameters import ParameterError
+
+
+def file(tmp_path, tree):
+    path = tmp_path / "params.yaml"
+    path.write_text(yaml.safe_dump(tree))
+    return path
+
+
+def test_options_win_over_the_file_and_the_file_over_defaults(tmp_path):
+    params = file(tmp_path, {"catenary_model": {"ros__parameters": {"speed_kmh": 200, "spans": 3}}})
+    settings = resolve(params, {"catenary_model": {"speed_kmh": 160.0}})
+    assert settings["catenary_model"]["speed_kmh"] == 160.0
+    assert settings["catenary_model"]["spans"] == 3
+    assert set(settings) == set(NODES)
+
+
+def test_wildcards_reach_every_node_that_has_the_parameter(tmp_path):
+    settings = resolve(file(tmp_path, {"/**": {"ros__parameters": {"cycle_time": 0.004}}}), {})
+    assert {values["cycle_time"] for values in settings.values()} == {0.004}
+
+
+def test_different_cycle_times_are_refused():
+    with pytest.raises(ParameterError, match="cycle_time"):
+        resolve(None, {"test_rig_sim": {"cycle_time": 0.004}})
+
+
+@pytest.mark.parametrize(
+    ("tree", "words"),
+    [
+        ({"catenary_modle": {"ros__parameters": {"spans": 3}}}, "no node 'catenary_modle'"),
+        ({"catenary_model": {"ros__parameters": {"spnas": 3}}}, "spnas.*unknown.*spans"),
+        ({"catenary_model": {"ros__parameters": {"speed_kmh": 4000.0}}}, "speed_kmh.*4000.*km/h"),
+        ({"test_rig_sim": {"ros__parameters": {"mode": "fast"}}}, "mode.*fast.*lockstep"),
+        ({"/**": {"ros__parameters": {"cycletime": 0.002}}}, "no node has a parameter 'cycletime'"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, tree, words):
+    with pytest.raises(ParameterError, match=words):
+        resolve(file(tmp_path, tree), {})
+
+
+def test_the_written_file_gives_the_same_ride_again(tmp_path):
+    settings = resolve(None, {"test_rig_sim": {"seed": 5}})
+    write(settings, tmp_path / "params.yaml")
+    assert resolve(tmp_path / "params.yaml", {}) == settings
+
+
+def test_shortcuts_are_parameters():
+    options = parse(["--speed-kmh", "200", "--seed", "3", "--set", "impedance_mpc.correction=false"])
+    assert options.overrides == {
+        "catenary_model": {"speed_kmh": 200.0},
+        "test_rig_sim": {"seed": 3},
+        "impedance_mpc": {"correction": False},
+    }
+
+
+@pytest.mark.parametrize("argument", ["nonsense", "catenary_model=3", ".x=1"])
+def test_a_malformed_set_ends_with_code_2(argument, capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(["--set", argument])
+    assert caught.value.code == 2
+    assert "NODE.KEY=VALUE" in capsys.readouterr().err
+
+
+def test_wrong_parameters_stop_the_command_with_one_line(tmp_path):
+    command = [sys.executable, "-m", "ride", "--speed-kmh", "4000", "--out", str(tmp_path / "ride")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.strip().count("\n") == 0
+    assert "speed_kmh" in done.stderr and "4000" in done.stderr
+    assert not (tmp_path / "ride").exists()
