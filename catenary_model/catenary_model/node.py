@@ -1,0 +1,184 @@
+"""The node `catenary_model`: a contact force in, the motion of the wire out, once a cycle."""
+
+from __future__ import annotations
+
+import sys
+from array import array
+from time import monotonic
+
+import numpy as np
+from phil_interfaces.msg import CatenaryState, ImpedanceCommand, ImpedanceModel, WireShape
+
+from catenary_model.model import Catenary
+from catenary_model.parameters import Parameters
+from catenary_model.sequence import Sequence, Verdict
+from phil_node.base import ERROR, OK, WARN, Diagnosis, PhilNode, run
+from phil_node.qos import CYCLE, LATCHED, VIEW
+
+FRAME = "train"
+WARM_UP_CYCLES = 20
+
+
+class CatenaryNode(PhilNode[Parameters]):
+    """Listens to impedance_mpc/command; publishes state, impedance_model and wire_shape below its own name."""
+
+    def __init__(self) -> None:
+        super().__init__("catenary_model", Parameters)
+
+    def build(self) -> None:
+        """Design the model, compile its kernels, publish the reduced model."""
+        p = self.parameters
+        self.catenary = Catenary(p.config())
+        self.sequence = Sequence(p.max_bridged_cycles)
+        self._bridged = 0
+        self._ts_ns = round(p.cycle_time * 1e9)
+        self._shape_every = p.wire_shape_every
+        self._state_publisher = self.publish_on(CatenaryState, "~/state", CYCLE)
+        self._shape_publisher = self.publish_on(WireShape, "~/wire_shape", VIEW)
+        model_publisher = self.publish_always(ImpedanceModel, "~/impedance_model", LATCHED)
+        self.time_cycles(p.cycle_time)
+        self._prepare_messages()
+        for _ in range(WARM_UP_CYCLES):
+            self.catenary.step(0.0)
+            self._fill_shape()
+        self.catenary.reset()
+        model_publisher.publish(self._impedance_model())
+        self.listen(ImpedanceCommand, "impedance_mpc/command", CYCLE, self._on_command)
+        self.every(0.5 * p.resend_time, self._resend)
+
+    def start(self) -> None:
+        """Go to rest at the start position and publish cycle 0."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Go to rest at the start position; expect the command of cycle 0 again."""
+        self.catenary.reset()
+        self.sequence.reset()
+        self._bridged = 0
+        stamp = self._state.header.stamp
+        stamp.sec = stamp.nanosec = 0
+        if self.active:
+            self._publish()
+
+    def diagnose(self) -> Diagnosis:
+        """Say what was missing and how the wire is."""
+        c = self.catenary
+        values = {
+            "cycle": str(c.cycle),
+            "track position m": f"{c.track_position:.1f}",
+            "w_cat mm": f"{c.w_cat * 1e3:.1f}",
+            "slack droppers": f"{c.slack_droppers} of {c.droppers}",
+            "bridged cycles": str(self._bridged),
+            "slack state not settled": str(c.unsettled_steps),
+        }
+        if self.sequence.broken:
+            return Diagnosis(ERROR, self.sequence.broken, values)
+        if not np.isfinite(c.w_cat):
+            return Diagnosis(ERROR, "the wire's state is not finite: reset", values)
+        if self._bridged or c.unsettled_steps:
+            return Diagnosis(WARN, "commands were missing or the slack state did not settle", values)
+        return Diagnosis(OK, "active", values)
+
+    def _on_command(self, command: ImpedanceCommand) -> None:
+        self.timing.begin()
+        sequence, timing = self.sequence, self.timing
+        cycle, force = command.cycle, command.f_cat
+        verdict = sequence.judge(cycle, force)
+        if verdict is not Verdict.TAKEN:
+            if verdict is Verdict.STALE:
+                timing.stale += 1
+            elif verdict is not Verdict.REPEATED:
+                timing.refused += 1
+            return
+        sent = command.header.stamp
+        now_ns = sent.sec * 1_000_000_000 + sent.nanosec + self._ts_ns
+        stamp = self._state.header.stamp
+        missing = sequence.missing
+        if missing:
+            timing.missing += missing
+            self._bridged += missing
+        for back in range(missing, -1, -1):
+            self.catenary.step(sequence.last_force if back else force)
+            stamp.sec, stamp.nanosec = divmod(max(0, now_ns - back * self._ts_ns), 1_000_000_000)
+            self._publish()
+        sequence.taken(cycle, force)
+        timing.end(command.header, cycle)
+
+    def _resend(self) -> None:
+        if monotonic() - self._sent_at >= self.parameters.resend_time:
+            self._send_state()
+
+    def _send_state(self) -> None:
+        self._state_publisher.publish(self._state)
+        self._sent_at = monotonic()
+
+    def _publish(self) -> None:
+        """Publish the model's present state under the stamp that is already in the message."""
+        c, state = self.catenary, self._state
+        state.cycle = c.cycle
+        state.w_cat, state.v_cat, state.a_cat, state.f_cat = c.w_cat, c.v_cat, c.a_cat, c.f_cat
+        state.track_position = c.track_position
+        state.droppers, state.slack_droppers = c.droppers, c.slack_droppers
+        state.iterations = min(c.iterations, 255)
+        for buffer, row in zip(self._buffers, c.state.segment, strict=True):
+            buffer[:] = row
+        self._send_state()
+        if c.cycle % self._shape_every == 0:
+            self._fill_shape()
+            self._shape_publisher.publish(self._shape)
+
+    def _prepare_messages(self) -> None:
+        """Make the messages whose arrays the cycle only overwrites."""
+        c = self.catenary
+        self._state = CatenaryState()
+        self._state.header.frame_id = FRAME
+        self._state.speed = c.config.speed
+        fields = ("segment_displacement", "segment_velocity", "segment_acceleration", "segment_force")
+        for field in fields:
+            setattr(self._state, field, array("d", bytes(8 * c.reduced.n)))
+        # a field may copy what it is given, so look at what it has kept
+        self._buffers = [np.frombuffer(getattr(self._state, field), dtype=np.float64) for field in fields]
+        self._sent_at = 0.0
+        view = c.wire_shape()
+        self._shape = WireShape()
+        self._shape.header.frame_id = FRAME
+        self._shape.x = array("f", view.x.tobytes())
+
+    def _fill_shape(self) -> None:
+        view, shape = self.catenary.wire_shape(), self._shape
+        shape.header.stamp = self._state.header.stamp
+        shape.cycle = self.catenary.cycle
+        shape.track_position = self.catenary.track_position
+        shape.contact = array("f", view.contact.tobytes())
+        shape.carrier = array("f", view.carrier.tobytes())
+        shape.dropper_x = array("f", view.dropper_x.tobytes())
+        shape.dropper_force = array("f", view.dropper_force.tobytes())
+        shape.mast_x = array("f", view.mast_x.tobytes())
+
+    def _impedance_model(self) -> ImpedanceModel:
+        """Give the reduced model; without a stamp, so that two rides in lockstep are equal to the last bit."""
+        reduced, config = self.catenary.reduced, self.catenary.config
+        message = ImpedanceModel()
+        message.header.frame_id = FRAME
+        message.description = (
+            f"free contact wire, {reduced.x[0]:g} to {reduced.x[-1]:g} m in {reduced.x.size - 1} Hermite elements, "
+            f"moving frame at {config.speed * 3.6:g} km/h, matched ends"
+        )
+        message.n = reduced.n
+        message.ts = config.cycle_time
+        message.newmark_beta, message.newmark_gamma = config.newmark_beta, config.newmark_gamma
+        message.mass = array("d", reduced.M.tobytes())
+        message.damping = array("d", reduced.D.tobytes())
+        message.stiffness = array("d", reduced.K.tobytes())
+        message.input = array("d", reduced.b.tobytes())
+        message.output = array("d", reduced.b.tobytes())
+        return message
+
+
+def main() -> int:
+    """Run the node."""
+    return run(CatenaryNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,79 @@
+"""Reduced model of the contact wire around the pantograph, for the impedance controller (thesis 3.1.9).
+
+    M q'' + D q' + K q = f_held + b f_cat,    w_cat = c . q
+
+Contact wire only, no droppers, a segment of the moving mesh. Whatever else acts on the segment (droppers, gravity, the
+wire beyond its ends) is measured once a cycle as f_held = M q'' + D q' + K q - b f_cat and held over the controller's
+horizon. At its ends the segment has the matched dashpots of `boundary.matched_dashpot`: f_held then takes back what
+they do to the present motion, and only waves that the prediction itself sends out are absorbed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary_model.boundary.matched_dashpot import matched_dashpot
+from catenary_model.line import Wire
+from catenary_model.moving_frame import CONTACT, Mesh, assemble, dense
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ReducedModel:
+    """Second-order model of the segment; q = (w, phi) per node, from behind the pantograph to ahead."""
+
+    x: Matrix
+    """Nodes relative to the pantograph, m."""
+    M: Matrix
+    D: Matrix
+    K: Matrix
+    """Matrices (n, n), free wire in the moving frame."""
+    b: Matrix
+    """Input and output vector: shape functions at x = 0, (n,)."""
+    compact: Matrix
+    """M, D, K in rows of three nodes, (3, n, 6), for the kernel."""
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom."""
+        return int(self.b.size)
+
+
+def reduce(mesh: Mesh, wire: Wire, speed: float, half_length: float) -> ReducedModel:
+    """Build the segment of +-half_length (m, rounded to elements, at least one) around the pantograph.
+
+    Raises ValueError if it does not fit into the mesh.
+    """
+    half = max(1, round(half_length / mesh.h))
+    if half > mesh.half_elements:
+        raise ValueError(f"segment_half_length = {half_length} m exceeds half the domain, {mesh.half_length} m")
+    segment = Mesh(mesh.h, half)
+    frame = assemble(segment, wire, wire, speed)
+    matched_dashpot(frame)
+    rows = np.concatenate([4 * np.arange(segment.stations)[:, None] + 2 * CONTACT + np.arange(2)], axis=1).ravel()
+    compact = np.stack([matrix[rows] for matrix in (frame.mass, frame.damping, frame.stiffness)])
+    M, D, K = (dense(matrix)[np.ix_(rows, rows)] for matrix in (frame.mass, frame.damping, frame.stiffness))
+    b = np.zeros(2 * segment.stations)
+    b[2 * segment.middle] = 1.0
+    return ReducedModel(segment.x, M, D, K, b, np.ascontiguousarray(compact))
+
+
+def discretise(model: ReducedModel, ts: float, beta: float, gamma: float) -> tuple[Matrix, Matrix, Matrix]:
+    """Newmark's step (3.19) to (3.23) as x(k+1) = A_cat x(k) + B_cat f_cat + B_held f_held, x = (q, q', q'').
+
+    Returns A_cat (3n, 3n), B_cat (3n,), B_held (3n, n). ts is in s; forces are those of the new instant.
+    """
+    n = model.n
+    one, zero = np.eye(n), np.zeros((n, n))
+    K_DM = model.M + gamma * ts * model.D + beta * ts**2 * model.K
+    q = np.hstack([one, ts * one, ts**2 * (0.5 - beta) * one])
+    v = np.hstack([zero, one, ts * (1 - gamma) * one])
+    a = np.linalg.solve(K_DM, -model.D @ v - model.K @ q)
+    per_force = np.linalg.inv(K_DM)
+    A = np.vstack([q + beta * ts**2 * a, v + gamma * ts * a, a])
+    B_held = np.vstack([beta * ts**2 * per_force, gamma * ts * per_force, per_force])
+    return A, B_held @ model.b, B_held

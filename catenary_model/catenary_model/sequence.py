@@ -1,0 +1,56 @@
+"""What to do with a command by its cycle number: the books of the wire must have every cycle exactly once."""
+
+from __future__ import annotations
+
+import enum
+import math
+
+
+class Verdict(enum.Enum):
+    """Fate of a command."""
+
+    TAKEN = "taken"
+    """Step with its force, after as many steps with the last force as `Sequence.missing` says."""
+    REPEATED = "repeated"
+    """The last command once more: ignored."""
+    STALE = "stale"
+    """A cycle that is over: ignored, counted."""
+    REFUSED = "refused"
+    """Force is not a finite number: ignored, counted."""
+    BROKEN = "broken"
+    """A gap that is too long to bridge, now or before: ignored until `reset`."""
+
+
+class Sequence:
+    """Order of the commands. Cycles missing in between are bridged with the last force, up to `longest` in a row."""
+
+    def __init__(self, longest: int) -> None:
+        self.longest = longest
+        self.reset()
+
+    def reset(self) -> None:
+        """Expect cycle 0."""
+        self.expected = 0
+        self.last_force = 0.0
+        self.missing = 0
+        self.broken = ""
+
+    def judge(self, cycle: int, force: float) -> Verdict:
+        """Judge a command; on TAKEN, `missing` is the number of cycles to bridge first, with `last_force`."""
+        if cycle < self.expected:
+            return Verdict.REPEATED if cycle == self.expected - 1 else Verdict.STALE
+        if not math.isfinite(force):
+            return Verdict.REFUSED
+        if self.broken:
+            return Verdict.BROKEN
+        gap = cycle - self.expected
+        if gap > self.longest:
+            self.broken = f"{gap} commands missing before cycle {cycle}, at most {self.longest} can be bridged: reset"
+            return Verdict.BROKEN
+        self.missing = gap
+        return Verdict.TAKEN
+
+    def taken(self, cycle: int, force: float) -> None:
+        """Note that the command has been carried out."""
+        self.expected = cycle + 1
+        self.last_force = force

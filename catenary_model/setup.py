@@ -1,0 +1,26 @@
+"""Build and install catenary_model (ament_python)."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = "catenary_model"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", [str(path) for path in sorted(Path("config").glob("*.yaml"))]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="phil-catenary maintainers",
+    maintainer_email="maintainers@example.org",
+    description="Finite-element catenary in the moving frame of the train, one step in 2 ms.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": [f"{PACKAGE} = {PACKAGE}.node:main"]},
+)

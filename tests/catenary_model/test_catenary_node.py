@@ -1,0 +1,169 @@
+"""The node in this process with a partner that plays the controller: messages, gaps, duplicates, reset."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+messages = pytest.importorskip("phil_interfaces.msg")
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from catenary_model.model import Catenary  # noqa: E402
+from catenary_model.node import CatenaryNode  # noqa: E402
+from phil_node.qos import CYCLE, LATCHED, VIEW  # noqa: E402
+
+TS_NS = 2_000_000
+
+
+class Partner:
+    """Publishes commands, collects what the node publishes."""
+
+    def __init__(self) -> None:
+        self.node = CatenaryNode()
+        self.partner = rclpy.create_node("partner")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.partner)
+        self.states: list[Any] = []
+        self.models: list[Any] = []
+        self.shapes: list[Any] = []
+        subscribe = self.partner.create_subscription
+        subscribe(messages.CatenaryState, "catenary_model/state", self.states.append, CYCLE)
+        subscribe(messages.ImpedanceModel, "catenary_model/impedance_model", self.models.append, LATCHED)
+        subscribe(messages.WireShape, "catenary_model/wire_shape", self.shapes.append, VIEW)
+        self.commands = self.partner.create_publisher(messages.ImpedanceCommand, "impedance_mpc/command", CYCLE)
+        self.reset = self.partner.create_client(Trigger, "catenary_model/reset")
+
+    def until(self, done: Callable[[], bool], seconds: float = 10.0) -> None:
+        end = time.monotonic() + seconds
+        while not done():
+            assert time.monotonic() < end, "nothing came"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def spin(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def activate(self) -> None:
+        assert self.node.trigger_configure().name == "SUCCESS"
+        self.until(lambda: self.commands.get_subscription_count() == 1)
+        self.until(lambda: self.node.count_subscribers("catenary_model/state") == 1)
+        assert self.node.trigger_activate().name == "SUCCESS"
+        self.until(lambda: bool(self.states))
+
+    def command(self, cycle: int, force: float) -> None:
+        message = messages.ImpedanceCommand()
+        message.cycle, message.f_cat = cycle, force
+        now = (cycle + 1000) * TS_NS
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 1_000_000_000)
+        self.commands.publish(message)
+
+    @property
+    def cycles(self) -> list[int]:
+        return [state.cycle for state in self.states]
+
+
+@pytest.fixture
+def partner() -> Iterator[Partner]:
+    rclpy.init(args=["--ros-args", "--log-level", "fatal"], domain_id=100 + os.getpid() % 100)
+    try:
+        partner = Partner()
+        yield partner
+        partner.node.destroy_node()
+        partner.partner.destroy_node()
+        partner.executor.shutdown()
+    finally:
+        rclpy.try_shutdown()
+
+
+def test_cycle_by_cycle(partner: Partner) -> None:
+    partner.activate()
+    assert partner.cycles[0] == 0
+    model = Catenary(partner.node.parameters.config())
+    for k in range(60):
+        force = 100.0 + k
+        partner.command(k, force)
+        partner.until(lambda k=k: partner.states[-1].cycle == k + 1)  # type: ignore[misc]
+        model.step(force)
+        state = partner.states[-1]
+        assert (state.w_cat, state.v_cat, state.a_cat, state.f_cat) == (model.w_cat, model.v_cat, model.a_cat, force)
+        assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == (k + 1001) * TS_NS
+        assert state.header.frame_id == "train"
+        np.testing.assert_array_equal(state.segment_displacement, model.segment_displacement)
+        np.testing.assert_array_equal(state.segment_velocity, model.segment_velocity)
+        np.testing.assert_array_equal(state.segment_acceleration, model.segment_acceleration)
+        np.testing.assert_array_equal(state.segment_force, model.segment_force)
+    assert state.droppers == 36
+    assert state.speed == 250.0 / 3.6
+    partner.until(lambda: bool(partner.models))
+    reduced = partner.models[0]
+    assert reduced.n == 82
+    np.testing.assert_array_equal(np.reshape(reduced.damping, (82, 82)), model.reduced.D)
+    np.testing.assert_array_equal(reduced.input, model.reduced.b)
+    partner.until(lambda: len(partner.shapes) == 4)
+    assert [shape.cycle for shape in partner.shapes] == [0, 20, 40, 60]
+    shape = partner.shapes[-1]
+    assert len(shape.x) == len(shape.contact) == len(shape.carrier) == 241
+    assert len(shape.dropper_x) == len(shape.dropper_force) == 36
+    assert min(shape.carrier) > 0.3
+
+
+def test_gaps_duplicates_nonsense_and_reset(partner: Partner) -> None:
+    partner.activate()
+    model = Catenary(partner.node.parameters.config())
+    for k in (0, 1, 1, 5, 5, 2):  # 2 to 4 are missing, 1 and 5 come twice, 2 comes too late
+        partner.command(k, 100.0 + k)
+    partner.command(6, float("nan"))
+    partner.until(lambda: partner.states[-1].cycle == 6)
+    partner.spin(0.1)
+    for force in (100.0, 101.0, 101.0, 101.0, 101.0, 105.0):
+        model.step(force)
+    assert partner.cycles == [0, 1, 2, 3, 4, 5, 6]
+    assert partner.states[-1].w_cat == model.w_cat
+    timing = partner.node.timing
+    assert (timing.missing, timing.stale, timing.refused) == (3, 1, 1)
+
+    partner.spin(0.6)  # no command: the last state comes again
+    assert partner.cycles[6:].count(6) >= 2
+
+    partner.command(500, 1.0)  # too far ahead to be bridged
+    partner.spin(0.1)
+    assert partner.states[-1].cycle == 6
+    assert partner.node.diagnose().level == b"\x02"
+    partner.command(6, 1.0)
+    partner.spin(0.1)
+    assert partner.states[-1].cycle == 6
+
+    answer = partner.reset.call_async(Trigger.Request())
+    partner.until(answer.done)
+    assert answer.result().success
+    partner.until(lambda: partner.states[-1].cycle == 0)
+    partner.command(0, 100.0)
+    partner.until(lambda: partner.states[-1].cycle == 1)
+    assert partner.states[-1].w_cat == partner.states[1].w_cat
+    assert partner.node.diagnose().level == b"\x00"
+
+
+def test_deactivated_node_starts_anew(partner: Partner) -> None:
+    partner.activate()
+    partner.command(0, 100.0)
+    partner.until(lambda: partner.states[-1].cycle == 1)
+    first = partner.states[-1].w_cat
+    assert partner.node.trigger_deactivate().name == "SUCCESS"
+    partner.command(1, 100.0)
+    partner.spin(0.4)
+    assert partner.states[-1].cycle == 1
+    assert partner.node.trigger_activate().name == "SUCCESS"
+    partner.until(lambda: partner.states[-1].cycle == 0)
+    partner.command(0, 100.0)
+    partner.until(lambda: partner.states[-1].cycle == 1)
+    assert partner.states[-1].w_cat == first
+    assert partner.node.trigger_deactivate().name == "SUCCESS"
+    assert partner.node.trigger_cleanup().name == "SUCCESS"

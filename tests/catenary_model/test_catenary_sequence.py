@@ -1,0 +1,50 @@
+"""Order of the commands: duplicates, late ones, gaps, nonsense."""
+
+import math
+
+from catenary_model.sequence import Sequence, Verdict
+
+
+def after(*cycles: int, longest: int = 100) -> Sequence:
+    sequence = Sequence(longest)
+    for cycle in cycles:
+        assert sequence.judge(cycle, 1.0) is Verdict.TAKEN
+        sequence.taken(cycle, float(cycle))
+    return sequence
+
+
+def test_in_order() -> None:
+    sequence = after(0, 1, 2)
+    assert sequence.expected == 3
+    assert sequence.missing == 0
+
+
+def test_the_last_command_may_come_again_and_older_ones_are_stale() -> None:
+    sequence = after(0, 1, 2)
+    assert sequence.judge(2, 1.0) is Verdict.REPEATED
+    assert sequence.judge(1, 1.0) is Verdict.STALE
+    # the number decides before the content does
+    assert sequence.judge(0, math.nan) is Verdict.STALE
+    assert sequence.expected == 3
+
+
+def test_nonsense_is_refused_and_the_cycle_stays_open() -> None:
+    sequence = after(0)
+    for force in (math.nan, math.inf, -math.inf):
+        assert sequence.judge(1, force) is Verdict.REFUSED
+    assert sequence.judge(1, 100.0) is Verdict.TAKEN
+
+
+def test_gap_is_bridged_with_the_last_force() -> None:
+    sequence = after(0, 1)
+    assert sequence.judge(5, 7.0) is Verdict.TAKEN
+    assert (sequence.missing, sequence.last_force) == (3, 1.0)
+
+
+def test_a_gap_too_long_breaks_until_reset() -> None:
+    sequence = after(0, 1, longest=3)
+    assert sequence.judge(6, 7.0) is Verdict.BROKEN
+    assert "before cycle 6" in sequence.broken
+    assert sequence.judge(2, 7.0) is Verdict.BROKEN
+    sequence.reset()
+    assert sequence.judge(0, 7.0) is Verdict.TAKEN
