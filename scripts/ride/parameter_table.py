@@ -18,13 +18,17 @@ package. A parameter marked *live* may change while its node is active (`ros2 pa
 not. This page is made by `python -m ride.parameter_table` and checked by the tests.
 """
 
+COLUMNS = "| parameter | meaning | unit | default | allowed |\n| --- | --- | --- | --- | --- |"
+
 
 def table() -> str:
     """Make the page."""
     parts = [HEAD]
     for name in NODES:
         values = defaults(name)
-        parts.append(f"\n## {name}\n\n| parameter | meaning | unit | default | allowed |\n| --- | --- | --- | --- | --- |")
+        parts.append(
+            f"\n## {name}\n\n| parameter | meaning | unit | default | allowed |\n| --- | --- | --- | --- | --- |"
+        )
         parts += [_row(info, values[info.name]) for info in infos(import_module(f"{name}.parameters").Parameters)]
     return "\n".join(parts) + "\n"
 

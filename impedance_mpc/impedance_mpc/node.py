@@ -1,0 +1,208 @@
+"""ROS node of the impedance controller: wires topics, services and parameters to :class:`ImpedanceController`."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from phil_interfaces.msg import CatenaryState, ConservedQuantities, ImpedanceCommand, ImpedanceModel, RigState
+from rclpy.parameter import Parameter
+from rclpy.wait_for_message import wait_for_message
+from std_srvs.srv import SetBool
+
+from impedance_mpc.controller import FALLBACK, Command, ImpedanceController
+from impedance_mpc.pairing import Arrival, CyclePairs
+from impedance_mpc.parameters import Parameters
+from impedance_mpc.plant import Impedance
+from phil_node.base import WARN, Diagnosis, PhilNode, run
+from phil_node.guard import finite, finite_array
+from phil_node.qos import CYCLE, LATCHED
+
+BOOKS_EVERY = 10
+"""Cycles from one message of the conserved quantities to the next."""
+CASES = ("off", "active", "capped", "projected", "dead zone")
+
+
+class ImpedanceNode(PhilNode[Parameters]):
+    """Answers each pair of rig and catenary state with a command, in order, and keeps the books."""
+
+    def __init__(self) -> None:
+        super().__init__("impedance_mpc", Parameters)
+        self.controller: ImpedanceController
+        self.pairs: CyclePairs[RigState, CatenaryState] = CyclePairs()
+        self.fallbacks_reported = 0
+
+    def build(self) -> None:
+        """Wait for the impedance model, design the controller, compile its kernels, open the topics."""
+        model = self._receive_model()
+        self.controller = ImpedanceController(self.parameters, model)
+        zeros = np.zeros(model.n)
+        self.segment = (zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy())
+        for _ in range(3):
+            self.controller.command(0.0, 0.0, 0.0, zeros, zeros, zeros, zeros, 0.0, 0.0, 0.0)
+        self.controller.reset()
+        self.pairs.clear()
+        self.answer = ImpedanceCommand()
+        self.answer.header.frame_id = "rig"
+        self.quantities = ConservedQuantities()
+        self.quantities.header.frame_id = "rig"
+        self.commands = self.publish_on(ImpedanceCommand, "impedance_mpc/command", CYCLE)
+        self.books = self.publish_on(ConservedQuantities, "impedance_mpc/conserved_quantities", CYCLE)
+        self.time_cycles(self.parameters.cycle_time)
+        self.serve(SetBool, "~/set_correction", self._set_correction)
+        self.listen(CatenaryState, "catenary_model/state", CYCLE, self._take_catenary)
+        self.listen(RigState, "test_rig_sim/state", CYCLE, self._take_rig)
+
+    def start(self) -> None:
+        """Begin at cycle 0."""
+        self.reset()
+
+    def discard(self) -> None:
+        """Drop the controller: ProxQP complains at the end of a process that still holds a program."""
+        self.__dict__.pop("controller", None)
+
+    def destroy_node(self) -> None:
+        """Drop the controller also where the process ends while the node is active."""
+        self.discard()
+        super().destroy_node()
+
+    def reset(self) -> None:
+        """Forget states, plan and books and wait for cycle 0."""
+        self.controller.reset()
+        self.pairs.clear()
+        self.fallbacks_reported = 0
+
+    def changed(self, names: frozenset[str]) -> None:
+        """Switch the correction force."""
+        self.controller.correcting = self.parameters.correction
+
+    def diagnose(self) -> Diagnosis:
+        """Report books, correction and solver; warn of new fallbacks and of lost cycles."""
+        books, result = self.controller.books, self.controller.result
+        values = {
+            "next cycle": str(self.pairs.next),
+            "energy error J": f"{books.delta_e:.4f}",
+            "exchanged energy J": f"{books.exchanged_energy:.2f}",
+            "momentum error N s": f"{books.delta_p:.3f}",
+            "correction": CASES[result.correction],
+            "correction force N": f"{result.f_cor:.2f}",
+            "solver iterations": str(result.iterations),
+            "fallbacks": str(result.fallbacks),
+        }
+        new = result.fallbacks - self.fallbacks_reported
+        self.fallbacks_reported = result.fallbacks
+        if new > 0:
+            return Diagnosis(WARN, f"solver failed in {new} cycles of the last second, old plan used", values)
+        if self.timing.missing > 0:
+            return Diagnosis(WARN, f"{self.timing.missing} cycles never came", values)
+        return Diagnosis(values=values)
+
+    def _receive_model(self) -> Impedance:
+        timeout = self.parameters.model_timeout
+        topic = "catenary_model/impedance_model"
+        received, message = wait_for_message(ImpedanceModel, self, topic, qos_profile=LATCHED, time_to_wait=timeout)
+        if not received:
+            raise RuntimeError(f"no message on {topic} within {timeout} s: is catenary_model configured?")
+        n = int(message.n)
+        return Impedance.from_flat(
+            n,
+            message.mass,
+            message.damping,
+            message.stiffness,
+            message.input,
+            message.output,
+            message.ts,
+            message.newmark_beta,
+            message.newmark_gamma,
+        )
+
+    def _set_correction(self, request: Any, response: Any) -> Any:
+        result = self.set_parameters([Parameter("correction", value=bool(request.data))])[0]
+        response.success = result.successful
+        response.message = result.reason or f"correction force is {'on' if request.data else 'off'}"
+        return response
+
+    def _take_rig(self, state: RigState) -> None:
+        self.timing.begin()
+        if not finite(state.w_tr, state.v_tr, state.f_tr, state.reference):
+            self.timing.refused += 1
+            return
+        arrival = self.pairs.add_rig(state.cycle, state)
+        if arrival is Arrival.NEW:
+            self._answer_all()
+        elif arrival is Arrival.STALE:
+            self.timing.stale += 1
+        elif self.answer.cycle == state.cycle:
+            self.commands.publish(self.answer)
+
+    def _take_catenary(self, state: CatenaryState) -> None:
+        self.timing.begin()
+        q, qd, qdd, held = self.segment
+        usable = (
+            finite(state.w_cat, state.v_cat)
+            and finite_array(state.segment_displacement, q)
+            and finite_array(state.segment_velocity, qd)
+            and finite_array(state.segment_acceleration, qdd)
+            and finite_array(state.segment_force, held)
+        )
+        if not usable:
+            self.timing.refused += 1
+            return
+        arrival = self.pairs.add_catenary(state.cycle, state)
+        if arrival is Arrival.NEW:
+            self._answer_all()
+        elif arrival is Arrival.STALE:
+            self.timing.stale += 1
+
+    def _answer_all(self) -> None:
+        while (pair := self.pairs.take()) is not None:
+            cycle, rig, wire = pair
+            q, qd, qdd, held = self.segment
+            q[:] = wire.segment_displacement
+            qd[:] = wire.segment_velocity
+            qdd[:] = wire.segment_acceleration
+            held[:] = wire.segment_force
+            result = self.controller.command(
+                rig.w_tr, rig.v_tr, rig.f_tr, q, qd, qdd, held, wire.w_cat, wire.v_cat, rig.reference
+            )
+            self._send(rig, cycle, result)
+            self.timing.missing = self.pairs.missing
+            self.timing.end(rig.header, cycle)
+            if cycle % BOOKS_EVERY == 0:
+                self._send_books(rig, cycle)
+            if rig.last:
+                self.timing.flush(rig.header, cycle)
+            self.timing.begin()
+
+    def _send(self, rig: RigState, cycle: int, result: Command) -> None:
+        answer = self.answer
+        answer.header.stamp = rig.header.stamp
+        answer.cycle = cycle
+        answer.u_tr, answer.u_tr_next = result.u_tr, result.u_tr_next
+        answer.f_tr, answer.f_cor, answer.f_cat = result.f_tr, result.f_cor, result.f_cat
+        answer.f_cor_lower, answer.f_cor_upper = result.f_cor_lower, result.f_cor_upper
+        answer.correction, answer.status = result.correction, result.status
+        answer.iterations = 0 if result.status == FALLBACK else min(result.iterations, 65535)
+        answer.fallbacks = result.fallbacks
+        self.commands.publish(answer)
+
+    def _send_books(self, rig: RigState, cycle: int) -> None:
+        message, books = self.quantities, self.controller.books
+        message.header.stamp = rig.header.stamp
+        message.cycle = cycle
+        message.e_tr, message.e_cat, message.delta_e = books.e_tr, books.e_cat, books.delta_e
+        message.p_tr, message.p_cat, message.delta_p = books.p_tr, books.p_cat, books.delta_p
+        message.exchanged_energy = books.exchanged_energy
+        message.exchanged_momentum = books.exchanged_momentum
+        message.work_tr = rig.work
+        self.books.publish(message)
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(run(ImpedanceNode))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""Parameters of the impedance controller; the defaults are in config/impedance_mpc.yaml."""
+
+from __future__ import annotations
+
+from pydantic import model_validator
+from typing_extensions import Self
+
+from phil_node.parameters import Group, parameter
+
+
+class Weights(Group):
+    """Weights of the cost (3.55): the cost of one unit of error, an instant or a move."""
+
+    position: float = parameter("Cost of the position error", unit="1/mm^2", low=0.0, high=1e6)
+    velocity: float = parameter("Cost of the velocity error", unit="1/(mm/s)^2", low=0.0, high=1e6)
+    momentum: float = parameter("Cost of the momentum error", unit="1/(N s)^2", low=0.0, high=1e6)
+    correction_force: float = parameter("Cost of the correction force", unit="1/N^2", low=1e-9, high=1e6)
+    reference_rate: float = parameter("Cost of a change of the reference", unit="1/(mm/cycle)^2", low=1e-9, high=1e6)
+    correction_rate: float = parameter(
+        "Cost of a change of the correction force", unit="1/(N/cycle)^2", low=0.0, high=1e6
+    )
+
+
+class Parameters(Group):
+    """All parameters of the node."""
+
+    cycle_time: float = parameter("Cycle time Ts; has to be the step of the catenary", unit="s", low=1e-4, high=0.1)
+    prediction_horizon: int = parameter("Predicted cycles Np", unit="1", low=2, high=200)
+    control_horizon: int = parameter("Free moves Nc; later moves are held", unit="1", low=2, high=200)
+    weights: Weights
+    rig_natural_frequency_hz: float = parameter(
+        "Natural frequency of the rig's closed position loop (PT2)", unit="Hz", low=1.0, high=1000.0
+    )
+    rig_damping_ratio: float = parameter("Damping ratio of the same loop", unit="1", low=0.05, high=5.0)
+    position_minimum: float = parameter("Lowest reference and position of the drive", unit="m", low=-5.0, high=5.0)
+    position_maximum: float = parameter("Highest reference and position of the drive", unit="m", low=-5.0, high=5.0)
+    velocity_limit: float = parameter("Largest speed of the drive", unit="m/s", low=0.01, high=50.0)
+    constraint_stride: int = parameter("Cycles from one constraint on the drive to the next", unit="1", low=1, high=50)
+    approach_time: float = parameter(
+        "Time in which the drive goes to the wire's height at the start", unit="s", low=0.0, high=60.0
+    )
+    correction: bool = parameter("Correction force F_cor on", live=True)
+    correction_alpha: float = parameter(
+        "Slowest decay of the energy error a cycle, eq. (3.49)", unit="1", low=0.0, high=1.0
+    )
+    correction_cap: float = parameter("Largest correction force", unit="N", low=0.01, high=1000.0)
+    correction_dead_zone: float = parameter(
+        "Wire velocity below which eq. (3.49) is not enforced", unit="m/s", low=0.0, high=10.0
+    )
+    correction_rate_limit: float = parameter("Fastest change of the correction force", unit="N/s", low=1.0, high=1e7)
+    correction_instantaneous_term: bool = parameter("Keep the instantaneous term in the bounds of eq. (3.49)")
+    qp_max_iterations: int = parameter(
+        "Outer iterations, and inner ones in each, after which the program is cut short", unit="1", low=1, high=10000
+    )
+    qp_tolerance: float = parameter(
+        "Absolute tolerance of the quadratic program (mm, N)", unit="1", low=1e-12, high=0.01
+    )
+    model_timeout: float = parameter("Time to wait for the impedance model", unit="s", low=0.1, high=600.0)
+
+    @model_validator(mode="after")
+    def _fit_together(self) -> Self:
+        if self.control_horizon > self.prediction_horizon:
+            raise ValueError(
+                f"'control_horizon' = {self.control_horizon} is longer than "
+                f"'prediction_horizon' = {self.prediction_horizon}"
+            )
+        if self.position_minimum >= self.position_maximum:
+            raise ValueError(
+                f"'position_minimum' = {self.position_minimum} is not below "
+                f"'position_maximum' = {self.position_maximum}"
+            )
+        if not 0.0 < self.correction_alpha < 1.0:
+            raise ValueError(f"'correction_alpha' = {self.correction_alpha} is not strictly between 0 and 1")
+        return self

@@ -1,0 +1,6 @@
+#!/usr/bin/env bash
+# Measures how long things take here: scripts/bench.sh catenary | mpc | realtime. All options: --help.
+set -u
+. "$(dirname "${BASH_SOURCE[0]}")/lib/environment.sh"
+phil_environment run
+exec python -m bench "$@"

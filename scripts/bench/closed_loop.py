@@ -1,0 +1,55 @@
+"""The closed loop in one process and without ROS: the same three cores, called one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from time import perf_counter_ns
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary_model.model import Catenary
+from catenary_model.parameters import Parameters as CatenaryParameters
+from impedance_mpc.controller import ImpedanceController
+from impedance_mpc.parameters import Parameters as ControllerParameters
+from impedance_mpc.plant import Impedance
+from phil_node.parameters import build
+from ride.settings import Settings
+from test_rig_sim.parameters import Parameters as RigParameters
+from test_rig_sim.rig import Rig
+
+PARTS = ("catenary", "impedance_mpc", "test_rig_sim")
+
+
+class ClosedLoop:
+    """Catenary, controller and rig of one ride, from the parameters of all nodes."""
+
+    def __init__(self, settings: Settings) -> None:
+        wire = build(CatenaryParameters, settings["catenary_model"])
+        control = build(ControllerParameters, settings["impedance_mpc"])
+        self.catenary = Catenary(wire.config())
+        self.rig = Rig(build(RigParameters, settings["test_rig_sim"]))
+        red = self.catenary.reduced
+        newmark = (wire.newmark_beta, wire.newmark_gamma)
+        model = Impedance(red.M, red.D, red.K, red.b, red.b, wire.cycle_time, *newmark)
+        self.controller = ImpedanceController(control, model)
+
+    def cycles(self, count: int) -> Iterator[tuple[int, int, int]]:
+        """Ride ``count`` cycles; give for each the times in ns of catenary, controller and rig."""
+        catenary, controller, rig = self.catenary, self.controller, self.rig
+        for _ in range(count):
+            state, (q, qd, qdd, held) = rig.state, catenary.state.segment
+            begun = perf_counter_ns()
+            command = controller.command(
+                state.w_tr, state.v_tr, state.f_tr, q, qd, qdd, held, catenary.w_cat, catenary.v_cat, state.reference
+            )
+            solved = perf_counter_ns()
+            catenary.step(command.f_cat)
+            stepped = perf_counter_ns()
+            rig.advance(command.u_tr, command.u_tr_next)
+            yield stepped - solved, solved - begun, perf_counter_ns() - stepped
+
+    def times(self, count: int, skip: int = 200) -> dict[str, NDArray[np.float64]]:
+        """Ride and give the times in s of each part, the first ``skip`` cycles left out."""
+        measured = np.array(list(self.cycles(count + skip))[skip:], dtype=np.float64) * 1e-9
+        return dict(zip(PARTS, measured.T, strict=True))

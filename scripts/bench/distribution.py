@@ -1,0 +1,85 @@
+"""One measured distribution, beside what it is to be compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Times of one thing in ms; ``goal`` is what its median or p99 (``of``) has to stay below."""
+
+    name: str
+    count: int
+    median: float
+    p99: float
+    maximum: float
+    goal: float | None = None
+    of: str = "median"
+    source: str = ""
+
+    @property
+    def holds(self) -> bool | None:
+        """Tell whether the goal is met; None without a goal."""
+        return None if self.goal is None else (self.median if self.of == "median" else self.p99) <= self.goal
+
+    def row(self) -> dict[str, object]:
+        """Give the figures for JSON."""
+        return {
+            "name": self.name,
+            "count": self.count,
+            "median_ms": self.median,
+            "p99_ms": self.p99,
+            "max_ms": self.maximum,
+            "goal_ms": self.goal,
+            "goal_of": self.of if self.goal is not None else None,
+            "goal_source": self.source or None,
+            "holds": self.holds,
+        }
+
+
+def distribution(
+    name: str, seconds: NDArray[np.float64], goal: float | None = None, of: str = "median", source: str = ""
+) -> Distribution:
+    """Summarise measured times in s; ``goal`` in ms."""
+    median, p99 = np.percentile(seconds, [50.0, 99.0]) * 1e3
+    return Distribution(
+        name, int(seconds.size), float(median), float(p99), float(seconds.max()) * 1e3, goal, of, source
+    )
+
+
+def table(title: str, rows: Sequence[Distribution]) -> Table:
+    """Make the table for the terminal."""
+    made = Table(title=title, title_justify="left")
+    for head in ("", "count", "median ms", "p99 ms", "max ms", "goal ms", "verdict"):
+        made.add_column(head, justify="left" if head in ("", "goal ms", "verdict") else "right")
+    for row in rows:
+        goal = "" if row.goal is None else f"{row.of} <= {row.goal:g} ({row.source})"
+        verdict = "" if row.holds is None else "holds" if row.holds else "FAILS"
+        figures = (f"{value:.4f}" for value in (row.median, row.p99, row.maximum))
+        made.add_row(row.name, str(row.count), *figures, goal, verdict)
+    return made
+
+
+def picture(title: str, samples: dict[str, NDArray[np.float64]], path: Path) -> None:
+    """Draw the share of the samples (in s) that took longer than a time, one curve each."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(8, 4.5), layout="constrained")
+    for name, seconds in samples.items():
+        ordered = np.sort(seconds) * 1e3
+        axes.loglog(ordered, 1.0 - np.arange(ordered.size) / ordered.size, label=name, lw=1.2)
+    axes.set(title=title, xlabel="time in ms", ylabel="share of the cycles that took longer")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)

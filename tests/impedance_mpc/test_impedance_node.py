@@ -1,0 +1,180 @@
+"""The node between two made-up partners in one process: order, repetition, gaps, refusals, services."""
+
+import array
+import time
+from types import SimpleNamespace
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+pytest.importorskip("phil_interfaces.msg")
+
+from impedance_loop import TS, MassSpringDamper  # noqa: E402
+from lifecycle_msgs.msg import Transition  # noqa: E402
+from phil_interfaces.msg import (  # noqa: E402
+    CatenaryState,
+    ConservedQuantities,
+    ImpedanceCommand,
+    ImpedanceModel,
+    RigState,
+)
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from std_srvs.srv import SetBool, Trigger  # noqa: E402
+
+from impedance_mpc.node import ImpedanceNode  # noqa: E402
+from phil_node.qos import CYCLE, LATCHED  # noqa: E402
+
+
+def doubles(values):
+    return array.array("d", values)
+
+
+def model_message(ts=TS):
+    model = MassSpringDamper().impedance
+    return ImpedanceModel(
+        n=1,
+        ts=ts,
+        newmark_beta=0.25,
+        newmark_gamma=0.5,
+        mass=doubles(model.mass.ravel()),
+        damping=doubles(model.damping.ravel()),
+        stiffness=doubles(model.stiffness.ravel()),
+        input=doubles(model.input),
+        output=doubles(model.output),
+    )
+
+
+def rig_state(k, **changes):
+    message = RigState(cycle=k, f_tr=50.0 + k, v_tr=0.1, **changes)
+    message.header.stamp.nanosec = 2_000_000 * k
+    return message
+
+
+def catenary_state(k, n=1, w=0.0):
+    zeros = doubles([0.0] * n)
+    return CatenaryState(
+        cycle=k,
+        w_cat=w,
+        segment_displacement=zeros,
+        segment_velocity=zeros,
+        segment_acceleration=zeros,
+        segment_force=zeros,
+    )
+
+
+@pytest.fixture
+def bench(monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init(domain_id=93)
+    executor = SingleThreadedExecutor()
+    partner = rclpy.create_node("partner")
+    node = ImpedanceNode()
+    executor.add_node(partner)
+    executor.add_node(node)
+    commands, books = [], []
+    partner.create_subscription(ImpedanceCommand, "impedance_mpc/command", commands.append, CYCLE)
+    partner.create_subscription(ConservedQuantities, "impedance_mpc/conserved_quantities", books.append, CYCLE)
+    rig = partner.create_publisher(RigState, "test_rig_sim/state", CYCLE)
+    catenary = partner.create_publisher(CatenaryState, "catenary_model/state", CYCLE)
+    latched = partner.create_publisher(ImpedanceModel, "catenary_model/impedance_model", LATCHED)
+
+    def spin(until=lambda: False, seconds=0.3):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not until():
+            executor.spin_once(timeout_sec=0.02)
+
+    def go(configure=True):
+        if configure:
+            latched.publish(model_message())
+        assert node.trigger_configure().value == Transition.TRANSITION_CALLBACK_SUCCESS
+        assert node.trigger_activate().value == Transition.TRANSITION_CALLBACK_SUCCESS
+        spin(lambda: rig.get_subscription_count() and catenary.get_subscription_count(), 5.0)
+        spin(lambda: node.count_publishers("test_rig_sim/state") and node.commands.get_subscription_count(), 5.0)
+
+    yield SimpleNamespace(
+        node=node, partner=partner, rig=rig, catenary=catenary, latched=latched, commands=commands, books=books,
+        spin=spin, go=go,
+    )  # fmt: skip
+    executor.shutdown()
+    node.destroy_node()
+    partner.destroy_node()
+    rclpy.shutdown()
+
+
+def ask(bench, kind, name, request):
+    client = bench.partner.create_client(kind, name)
+    future = client.call_async(request)
+    bench.spin(future.done, 5.0)
+    return future.result()
+
+
+def test_cycles_are_answered_in_order_and_the_last_one_again(bench):
+    bench.go()
+    for k in range(12):
+        bench.rig.publish(rig_state(k, last=k == 11))
+        bench.catenary.publish(catenary_state(k))
+    bench.spin(lambda: len(bench.commands) == 12 and len(bench.books) == 2, 5.0)
+    assert [c.cycle for c in bench.commands] == list(range(12))
+    assert [c.f_tr for c in bench.commands] == [50.0 + k for k in range(12)]
+    assert [c.header.stamp.nanosec for c in bench.commands] == [2_000_000 * k for k in range(12)]
+    assert [b.cycle for b in bench.books] == [0, 10]
+    assert bench.books[1].p_tr == pytest.approx(sum(TS * (50.0 + k) for k in range(11)))
+    bench.rig.publish(rig_state(11))
+    bench.rig.publish(rig_state(3))
+    bench.spin(lambda: len(bench.commands) == 13, 5.0)
+    bench.spin(seconds=0.1)
+    assert len(bench.commands) == 13
+    assert bench.commands[-1] == bench.commands[-2]
+    assert bench.node.timing.stale == 1
+
+
+def test_bad_numbers_are_refused_and_a_gap_is_bridged(bench):
+    bench.go()
+    bench.catenary.publish(catenary_state(0, n=3))
+    bench.rig.publish(rig_state(0, w_tr=float("nan")))
+    bench.catenary.publish(catenary_state(0, w=float("inf")))
+    bench.spin(lambda: bench.node.timing.refused == 3, 5.0)
+    assert bench.node.timing.refused == 3
+    assert bench.commands == []
+    bench.catenary.publish(catenary_state(0))
+    bench.rig.publish(rig_state(0))
+    bench.spin(lambda: len(bench.commands) == 1, 5.0)
+    bench.catenary.publish(catenary_state(1))
+    bench.rig.publish(rig_state(4))
+    bench.spin(lambda: len(bench.commands) == 2, 5.0)
+    assert [c.cycle for c in bench.commands] == [0, 4]
+    assert bench.node.timing.missing == 3
+
+
+def test_reset_starts_at_cycle_zero_and_correction_is_switched_by_service(bench):
+    bench.go()
+
+    def cycle(k, count):
+        bench.rig.publish(rig_state(k))
+        bench.catenary.publish(catenary_state(k))
+        bench.spin(lambda: len(bench.commands) == count, 5.0)
+
+    cycle(0, 1)
+    cycle(1, 2)
+    answer = ask(bench, SetBool, "impedance_mpc/set_correction", SetBool.Request(data=False))
+    assert answer.success
+    assert bench.node.get_parameter("correction").value is False
+    cycle(2, 3)
+    assert bench.commands[-1].correction == ImpedanceCommand.CORRECTION_OFF
+    assert ask(bench, SetBool, "impedance_mpc/set_correction", SetBool.Request(data=True)).success
+    assert ask(bench, Trigger, "impedance_mpc/reset", Trigger.Request()).success
+    cycle(0, 4)
+    assert bench.commands[-1].cycle == 0
+    assert bench.commands[-1].u_tr == bench.commands[0].u_tr
+
+
+def test_without_a_model_configure_fails_and_a_later_one_is_taken(bench):
+    bench.node.set_parameters([rclpy.Parameter("model_timeout", value=0.3)])
+    assert bench.node.trigger_configure().value == Transition.TRANSITION_CALLBACK_FAILURE
+    bench.latched.publish(model_message(ts=0.004))
+    bench.spin(seconds=0.1)
+    bench.node.set_parameters([rclpy.Parameter("model_timeout", value=5.0)])
+    assert bench.node.trigger_configure().value == Transition.TRANSITION_CALLBACK_FAILURE
+    bench.latched.publish(model_message())
+    bench.spin(seconds=0.1)
+    bench.go(configure=False)
