@@ -46,7 +46,12 @@ class RideProcess:
         command = [sys.executable, "-m", "ride", "--out", str(out), *arguments]
         self.text = ""
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment(), start_new_session=True
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=environment(),
+            start_new_session=True,
         )
 
     def wait_until(self, condition: Callable[[], bool], seconds: float = 120.0) -> None:

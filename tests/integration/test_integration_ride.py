@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from energy_monitor.bag import read_bag
 from rosbags.rosbag2 import Reader
 
+from energy_monitor.bag import read_bag
 from ride.shared_memory import snapshot
 
 pytestmark = pytest.mark.integration
@@ -32,7 +32,14 @@ def raw(bag: Path) -> dict[str, list[bytes]]:
 
 def test_the_ride_succeeds_and_leaves_what_was_promised(lockstep_ride):
     assert lockstep_ride.code == 0, lockstep_ride.text
-    for name in ("params.yaml", "report.json", "report.html", "figures/ride.png", "bag/metadata.yaml"):
+    for name in (
+        "params.yaml",
+        "report.json",
+        "report.html",
+        "ride.png",
+        "figures/displacement.png",
+        "bag/metadata.yaml",
+    ):
         assert (lockstep_ride.out / name).is_file(), name
     assert "report.html" in lockstep_ride.text
 
@@ -106,8 +113,8 @@ def test_ctrl_c_leaves_a_readable_bag_a_report_and_no_process(ride, leftovers):
 def test_a_killed_node_fails_the_ride_and_is_named(ride, leftovers):
     going = ride("--duration", "0", "--no-report")
     going.wait_until_riding()
-    victims = [pid for pid in leftovers(going.out) if b"impedance_mpc.node" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-    os.kill(victims[0], signal.SIGKILL)
+    lines = {pid: Path(f"/proc/{pid}/cmdline").read_bytes() for pid in leftovers(going.out)}
+    os.kill(next(pid for pid, line in lines.items() if b"impedance_mpc.node" in line), signal.SIGKILL)
     going.finish()
     assert going.code == 1, going.text
     assert "impedance_mpc ended" in going.text

@@ -5,13 +5,15 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 from ride.processes import Process, end_all
 from ride.shared_memory import remove_litter, snapshot
 
 
 def test_a_child_that_ignores_everything_is_killed(tmp_path):
-    code = "import signal,time; [signal.signal(s, signal.SIG_IGN) for s in (2, 15)]; print('up', flush=True); time.sleep(60)"
+    deaf = "[signal.signal(s, signal.SIG_IGN) for s in (2, 15)]"
+    code = f"import signal, time; {deaf}; print('up', flush=True); time.sleep(60)"
     child = Process("deaf", ["-c", code], tmp_path / "log")
     while "up" not in child.last_words():
         time.sleep(0.05)
@@ -37,7 +39,7 @@ def test_a_child_dies_with_its_parent(tmp_path):
     parent.wait()
     for _ in range(50):
         try:
-            state = open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()[0]
+            state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
         except FileNotFoundError:
             break
         if state == "Z":

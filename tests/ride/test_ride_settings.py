@@ -5,10 +5,10 @@ import sys
 
 import pytest
 import yaml
-from ride.options import parse
-from ride.settings import NODES, resolve, write
 
 from phil_node.parameters import ParameterError
+from ride.options import parse
+from ride.settings import NODES, resolve, write
 
 
 def file(tmp_path, tree):
