@@ -1,0 +1,137 @@
+"""Does the controller believe what its messages say? Two books of one ride are compared, and samples are traced."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+RING = 64
+"""Entries of the decimated books that either side may be ahead of the other."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Allowed difference of two books: absolute in J and N s, plus ``relative`` times what was exchanged."""
+
+    energy: float
+    momentum: float
+    relative: float
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of a book: cycle number, dE in J, dp in N s, exchanged energy in J and momentum in N s."""
+
+    cycle: int
+    delta_e: float
+    delta_p: float
+    exchanged_energy: float
+    exchanged_momentum: float
+
+
+class Agreement:
+    """Compares the monitor's books with those of another node, cycle by cycle, whichever comes first."""
+
+    def __init__(self, tolerance: Tolerance) -> None:
+        """Start with nothing compared."""
+        self.tolerance = tolerance
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the ride."""
+        self.compared = 0
+        self.disagreements = 0
+        self.first_disagreement: int | None = None
+        self.energy_difference = 0.0
+        self.momentum_difference = 0.0
+        self.worst_energy = 0.0
+        self.worst_momentum = 0.0
+        self._ours: list[Entry | None] = [None] * RING
+        self._theirs: list[Entry | None] = [None] * RING
+        self._index = 0
+
+    def ours(self, entry: Entry) -> None:
+        """Take an entry of the monitor's own book."""
+        self._take(entry, self._ours, self._theirs, swap=False)
+
+    def theirs(self, entry: Entry) -> None:
+        """Take an entry of the other node's book."""
+        self._take(entry, self._theirs, self._ours, swap=True)
+
+    @property
+    def agrees(self) -> bool:
+        """True as long as no compared pair differed by more than the tolerance."""
+        return self.disagreements == 0
+
+    def _take(self, entry: Entry, mine: list[Entry | None], others: list[Entry | None], *, swap: bool) -> None:
+        # The ring is searched rather than indexed: the books are decimated by a number that is the sender's business.
+        for place, other in enumerate(others):
+            if other is not None and other.cycle == entry.cycle:
+                others[place] = None
+                if swap:
+                    self._compare(other, entry)
+                else:
+                    self._compare(entry, other)
+                return
+        mine[self._index] = entry
+        self._index = (self._index + 1) % RING
+
+    def _compare(self, ours: Entry, theirs: Entry) -> None:
+        tolerance = self.tolerance
+        energy = abs(ours.delta_e - theirs.delta_e)
+        momentum = abs(ours.delta_p - theirs.delta_p)
+        self.compared += 1
+        self.energy_difference, self.momentum_difference = energy, momentum
+        self.worst_energy = max(self.worst_energy, energy)
+        self.worst_momentum = max(self.worst_momentum, momentum)
+        fits = (
+            energy <= tolerance.energy + tolerance.relative * ours.exchanged_energy
+            and momentum <= tolerance.momentum + tolerance.relative * ours.exchanged_momentum
+        )
+        if not fits:
+            self.disagreements += 1
+            if self.first_disagreement is None:
+                self.first_disagreement = ours.cycle
+
+
+class SampleTrace:
+    """Follows the force through the loop: nobody may work with a sample of another cycle unknowingly.
+
+    The command must carry the rig's F_tr of its own cycle, its F_cat must be F_tr + F_cor (3.45), and the catenary must
+    have been driven by the F_cat of the command of the cycle before. Each cycle that breaks one of these is counted.
+    """
+
+    def __init__(self) -> None:
+        """Start with nothing traced."""
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the ride."""
+        self.broken = 0
+        self.first_broken: int | None = None
+        self.reason = ""
+        self._cycle = -1
+        self._f_cat = 0.0
+
+    def add(self, cycle: int, rig_f_tr: float, command: tuple[float, float, float], catenary_f_cat: float) -> bool:
+        """Check cycle k: F_tr of the rig, F_tr, F_cor, F_cat of the command, F_cat that the catenary felt, in N."""
+        f_tr, f_cor, f_cat = command
+        reason = ""
+        if not same(f_tr, rig_f_tr):
+            reason = "the command was computed from another force than the rig's"
+        elif not same(f_cat, f_tr + f_cor):
+            reason = "f_cat is not f_tr + f_cor"
+        elif self._cycle == cycle - 1 and cycle > 0 and not same(catenary_f_cat, self._f_cat):
+            reason = "the catenary felt another force than the command's"
+        self._cycle, self._f_cat = cycle, f_cat
+        if not reason:
+            return True
+        self.broken += 1
+        if self.first_broken is None:
+            self.first_broken, self.reason = cycle, reason
+        return False
+
+
+def same(a: float, b: float) -> bool:
+    """Tell whether two copies of a force in N are the same but for the rounding of one addition."""
+    return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-9)

@@ -1,0 +1,323 @@
+"""Numbers of a ride, recomputed from its bag: what `write_report` writes and the verdicts are made of.
+
+Only what the rig, the catenary and the controller published is used; the monitor's and the controller's own books
+are then compared with the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from energy_monitor.bag import Bag
+from energy_monitor.books import BooksHistory, books_of
+from energy_monitor.contact_quality import low_passed, run_in_cycles
+from energy_monitor.report import comparison, nodes
+from energy_monitor.report.alignment import Aligned, align, cycle_time
+from energy_monitor.report.results import (
+    Conservation,
+    ContactForce,
+    Correction,
+    Report,
+    Ride,
+    Series,
+    Tracking,
+)
+from energy_monitor.report.verdicts import Limits, judge
+
+Floats = NDArray[np.float64]
+
+LAG_WINDOW = 0.1
+"""Largest lag between rig and wire that is searched for, s."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to evaluate: `run_in` in s, `loss_threshold` in N, `cutoff` in Hz and `order` of the force's low-pass."""
+
+    run_in: float = 2.0
+    loss_threshold: float = 2.0
+    cutoff: float = 20.0
+    order: int = 6
+
+
+def analyse(
+    bag: Bag,
+    settings: Settings,
+    limits: Limits,
+    *,
+    parameters: Mapping[str, Mapping[str, Any]] | None = None,
+    versions: Mapping[str, str] | None = None,
+) -> Report:
+    """Make the report of the (last) ride in a bag.
+
+    `parameters` (node, flat name, value) and `versions` are passed on to the report.
+
+    Raises
+    ------
+    BagError
+        A cycle topic is missing, or the ride is shorter than its run-in.
+    """
+    aligned = align(bag)
+    ts = cycle_time(bag, aligned.rig)
+    series = _series(bag, aligned, ts, settings)
+    speed = float(np.median(aligned.catenary["speed"]))
+    notes = list(aligned.notes)
+    if not bag.complete:
+        notes.append("The recording was cut off: what was written up to then is analysed.")
+    if aligned.missing:
+        notes.append("Filters and spectra bridge missing cycles by straight lines.")
+    if not series.evaluated.any():
+        notes.append(f"The ride is shorter than its run-in of {settings.run_in:g} s: all of it is evaluated.")
+        series = _series(bag, aligned, ts, _without_run_in(settings))
+    force = contact_force(series, settings)
+    track = tracking(series, ts)
+    conservation = conserved(series, aligned, ts)
+    agreement = comparison.books(series, bag)
+    quality = comparison.contact_quality(series, bag, ts, settings.loss_threshold, settings.cutoff, settings.order)
+    ride = _ride(bag, aligned, ts, speed, series)
+    return Report(
+        ride=ride,
+        verdicts=judge(
+            limits,
+            speed,
+            aligned,
+            track,
+            force,
+            conservation,
+            agreement,
+            quality,
+            nodes.retracted(aligned),
+            nodes.mismatches(aligned),
+        ),
+        streams=aligned.streams,
+        tracking=track,
+        contact_force=force,
+        conservation=conservation,
+        agreement=[*agreement, *quality],
+        correction=correction(aligned),
+        solver=nodes.solver(aligned),
+        catenary=nodes.catenary(aligned, series.evaluated),
+        timing=nodes.timing(bag),
+        modes=nodes.modes(aligned, ts),
+        warnings=nodes.warnings(bag, int(aligned.rig.log_time[0])),
+        notes=notes,
+        parameters={node: dict(values) for node, values in (parameters or {}).items()},
+        versions=dict(versions or {}),
+        series=series,
+    )
+
+
+def tracking(series: Series, ts: float) -> Tracking:
+    """Hold the rig's motion against the wire's: w_tr(k) - w_cat(k) and v_tr(k) - v_cat(k) after the run-in."""
+    used = series.evaluated
+    position, velocity = (series.w_tr - series.w_cat), (series.v_tr - series.v_cat)[used]
+    error, wire = position[used], series.w_cat[used]
+    grid = np.arange(series.cycle[used][0], series.cycle[-1] + 1)
+    delay, likeness = lag(np.interp(grid, series.cycle, series.w_cat), np.interp(grid, series.cycle, series.w_tr), ts)
+    return Tracking(
+        position_error_rms=rms(error),
+        position_error_max=float(np.abs(error).max()),
+        position_error_mean=float(error.mean()),
+        position_error_rms_ride=rms(position),
+        velocity_error_rms=rms(velocity),
+        velocity_error_max=float(np.abs(velocity).max()),
+        lag=delay,
+        correlation=likeness,
+        displacement_mean=float(wire.mean()),
+        displacement_min=float(wire.min()),
+        displacement_max=float(wire.max()),
+    )
+
+
+def lag(leader: Floats, follower: Floats, ts: float, window: float = LAG_WINDOW) -> tuple[float | None, float | None]:
+    """Find by how many seconds `follower` lags `leader`, and their correlation there.
+
+    The correlation coefficient is taken for all lags of whole cycles within +-`window` (s), always over the same
+    number of samples, and the peak refined by a parabola through it and its neighbours. None if there is no peak
+    inside the window, or nothing moves.
+    """
+    n = round(window / ts)
+    core = len(leader) - 2 * n
+    if core < 2 * n or core < 3:
+        return None, None
+    reference = leader[n : n + core] - leader[n : n + core].mean()
+    windows = np.lib.stride_tricks.sliding_window_view(follower, core)
+    means = windows.mean(axis=1)
+    spread = np.sqrt(np.maximum(np.array([np.dot(w, w) for w in windows]) / core - means**2, 0.0))
+    scale = spread * reference.std() * core
+    if scale.min() <= 1e-12 * core:
+        return None, None
+    likeness = windows @ reference / scale
+    best = int(likeness.argmax())
+    if best in (0, 2 * n):
+        return None, None
+    left, middle, right = likeness[best - 1 : best + 2]
+    curvature = left - 2.0 * middle + right
+    shift = 0.5 * (left - right) / curvature if curvature < 0.0 else 0.0
+    peak = middle - 0.25 * (left - right) * shift
+    return float((best - n + shift) * ts), float(min(peak, 1.0))
+
+
+def contact_force(series: Series, settings: Settings) -> ContactForce:
+    """Give the statistics of EN 50317: force low-passed at 20 Hz after the run-in, loss by the measured force."""
+    used = series.evaluated
+    force, filtered = series.f_tr[used], series.f_filtered[used]
+    mean, sigma = float(filtered.mean()), float(filtered.std())
+    lost = force <= settings.loss_threshold
+    return ContactForce(
+        samples=len(filtered),
+        mean=mean,
+        sigma=sigma,
+        sigma_share=sigma / mean if mean > 0.0 else float("nan"),
+        minimum=float(filtered.min()),
+        maximum=float(filtered.max()),
+        statistical_minimum=mean - 3.0 * sigma,
+        statistical_maximum=mean + 3.0 * sigma,
+        loss_share=float(lost.mean()),
+        losses=int(lost[0]) + int(np.count_nonzero(lost[1:] & ~lost[:-1])),
+        raw_minimum=float(series.f_raw[used].min()),
+        raw_maximum=float(series.f_raw[used].max()),
+    )
+
+
+def spectrum(force: Floats, ts: float) -> tuple[Floats, Floats]:
+    """Estimate the power spectral density (Welch, Hann windows of up to 4.096 s): Hz and N^2/Hz, without f = 0."""
+    length = min(len(force), round(4.096 / ts))
+    if length < 8:
+        return np.zeros(0), np.zeros(0)
+    frequency, density = welch(force, fs=1.0 / ts, nperseg=length, detrend="constant")
+    return np.asarray(frequency[1:], np.float64), np.asarray(density[1:], np.float64)
+
+
+def conserved(series: Series, aligned: Aligned, ts: float) -> Conservation:
+    """Sum up energy and momentum on both sides, eqs. (3.46) and (3.47), and compare with the rig's own work."""
+    books = _books(aligned, ts)
+    delta_e, delta_p = books.delta_e, books.delta_p
+    energy, momentum = float(books.exchanged_energy[-1]), float(books.exchanged_momentum[-1])
+    used = series.evaluated
+    running = np.abs(delta_e[used])
+    exchanged = books.exchanged_energy[used]
+    # The work counts up to t_k, the sum with cycle k goes on to t_(k+1): shift by one cycle.
+    difference = float(books.e_tr[-2] - (series.work[-1] - series.work[0])) if len(delta_e) > 1 else 0.0
+    return Conservation(
+        e_tr=float(books.e_tr[-1]),
+        e_cat=float(books.e_cat[-1]),
+        delta_e=float(delta_e[-1]),
+        delta_e_max=float(np.abs(delta_e).max()),
+        exchanged_energy=energy,
+        delta_e_share=_share(abs(float(delta_e[-1])), energy),
+        delta_e_max_share=_share(float(np.abs(delta_e).max()), energy),
+        delta_e_running_share=float((running / exchanged).max()) if exchanged.min() > 0.0 else None,
+        p_tr=float(books.p_tr[-1]),
+        p_cat=float(books.p_cat[-1]),
+        delta_p=float(delta_p[-1]),
+        delta_p_max=float(np.abs(delta_p).max()),
+        exchanged_momentum=momentum,
+        delta_p_share=_share(abs(float(delta_p[-1])), momentum),
+        work_tr=float(series.work[-1] - series.work[0]),
+        work_difference=difference,
+    )
+
+
+def correction(aligned: Aligned) -> Correction:
+    """Tell how much the correction force did, and how often a bound held it (within a thousandth of a newton)."""
+    force, low, high = (aligned.command.real(name) for name in ("f_cor", "f_cor_lower", "f_cor_upper"))
+    near = 1e-3
+    active = aligned.command["correction"] != nodes.CORRECTION.index("off")
+    held = active & ((force <= low + near) | (force >= high - near))
+    return Correction(
+        rms=rms(force),
+        mean=float(force.mean()),
+        largest=float(np.abs(force).max()),
+        at_bounds_share=float(held.mean()),
+        forced_share=float((active & ((low > near) | (high < -near))).mean()),
+        modes=nodes.counts(aligned.command["correction"], nodes.CORRECTION),
+    )
+
+
+def rms(values: Floats) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _share(part: float, whole: float) -> float | None:
+    return part / whole if whole > 0.0 else None
+
+
+def _books(aligned: Aligned, ts: float) -> BooksHistory:
+    rig, command, catenary = aligned.rig, aligned.command, aligned.catenary
+    return books_of(rig.real("f_tr"), rig.real("v_tr"), command.real("f_cat"), catenary.real("v_cat"), ts)
+
+
+def _without_run_in(settings: Settings) -> Settings:
+    return Settings(0.0, settings.loss_threshold, settings.cutoff, settings.order)
+
+
+def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series:
+    rig, catenary, command = aligned.rig, aligned.catenary, aligned.command
+    cycle = aligned.cycle
+    books = _books(aligned, ts)
+    evaluated = cycle >= run_in_cycles(settings.run_in, ts)
+    grid = np.arange(cycle[0], cycle[-1] + 1)
+    even = np.interp(grid, cycle, rig.real("f_tr"))
+    filtered = low_passed(even, ts, settings.cutoff, settings.order)
+    frequency, density = spectrum(even[grid >= cycle[evaluated][0]], ts) if evaluated.any() else (np.zeros(0),) * 2
+    return Series(
+        cycle=cycle,
+        time=cycle.astype(np.float64) * ts,
+        w_tr=rig.real("w_tr"),
+        w_cat=catenary.real("w_cat"),
+        v_tr=rig.real("v_tr"),
+        v_cat=catenary.real("v_cat"),
+        f_tr=rig.real("f_tr"),
+        f_raw=rig.real("f_raw"),
+        f_filtered=filtered[cycle - cycle[0]],
+        f_cor=command.real("f_cor"),
+        f_cor_lower=command.real("f_cor_lower"),
+        f_cor_upper=command.real("f_cor_upper"),
+        delta_e=books.delta_e,
+        delta_p=books.delta_p,
+        e_tr=books.e_tr,
+        e_cat=books.e_cat,
+        p_tr=books.p_tr,
+        p_cat=books.p_cat,
+        exchanged_energy=books.exchanged_energy,
+        exchanged_momentum=books.exchanged_momentum,
+        work=rig.real("work"),
+        track_position=catenary.real("track_position"),
+        evaluated=evaluated,
+        frequency=frequency,
+        density=density,
+        books=comparison.own_books(bag),
+        shapes=bag.find("catenary_model/wire_shape", "WireShape"),
+        turnaround=nodes.turnaround(bag),
+    )
+
+
+def _ride(bag: Bag, aligned: Aligned, ts: float, speed: float, series: Series) -> Ride:
+    log = aligned.rig.log_time
+    simulated = float((aligned.cycle[-1] - aligned.cycle[0] + 1) * ts)
+    wall = float(log[-1] - log[0]) * 1e-9
+    started = datetime.fromtimestamp(float(log[0]) * 1e-9, tz=timezone.utc)
+    return Ride(
+        bag=bag.path.name,
+        storage=bag.storage,
+        recording_whole=bag.complete,
+        started=started.strftime("%Y-%m-%d %H:%M:%S UTC"),
+        cycles=len(aligned.cycle),
+        ts=ts,
+        simulated_time=simulated,
+        wall_time=wall,
+        speed_factor=simulated / wall if wall > 0.0 else float("nan"),
+        speed=speed,
+        distance=float(series.track_position[-1] - series.track_position[0]),
+        run_in=float(series.cycle[series.evaluated][0]) * ts,
+        ended=aligned.ended,
+    )

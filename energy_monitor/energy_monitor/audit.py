@@ -1,0 +1,126 @@
+"""The audit of one ride: matching, books, contact quality, comparison and tracing, put together without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from energy_monitor.agreement import Agreement, Entry, SampleTrace, Tolerance
+from energy_monitor.books import Books
+from energy_monitor.contact_quality import ContactQuality
+from energy_monitor.cycles import Arrival, CycleMatcher
+from energy_monitor.parameters import Parameters
+
+RIG, COMMAND, CATENARY = 0, 1, 2
+STREAMS = ("rig", "command", "catenary")
+
+
+class RigSample(NamedTuple):
+    """What the audit needs of RigState k: F_tr in N, v_tr in m/s, work in J; ``header`` has the stamp t_k."""
+
+    header: Any
+    f_tr: float
+    v_tr: float
+    work: float
+
+
+class CommandSample(NamedTuple):
+    """What the audit needs of ImpedanceCommand k, in N."""
+
+    f_tr: float
+    f_cor: float
+    f_cat: float
+
+
+class CatenarySample(NamedTuple):
+    """What the audit needs of CatenaryState k: v_cat in m/s, F_cat of the interval before in N."""
+
+    v_cat: float
+    f_cat: float
+
+
+class Audit:
+    """State of the monitor; messages go in with their cycle number, complete cycles come out in order."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        """Design the filter and open empty books."""
+        contact = parameters.contact
+        self.matcher: CycleMatcher[Any] = CycleMatcher(STREAMS, parameters.window)
+        self.books = Books(parameters.cycle_time)
+        self.quality = ContactQuality(
+            parameters.cycle_time, contact.run_in, contact.loss_threshold, contact.cutoff, contact.order
+        )
+        self.agreement = Agreement(tolerance_of(parameters))
+        self.trace = SampleTrace()
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the ride and wait for cycle 0."""
+        self.matcher.clear()
+        self.books.clear()
+        self.quality.clear()
+        self.agreement.clear()
+        self.trace.clear()
+        self.work = 0.0
+
+    def rig(self, cycle: int, sample: RigSample, last: bool) -> bool:
+        """Take a state of the rig; tells whether it is a new one, which is in the contact quality now."""
+        arrival = self.matcher.accept(RIG, cycle, sample)
+        if last and arrival in (Arrival.NEW, Arrival.OUT_OF_ORDER):
+            self.matcher.finish(cycle)
+        if arrival is not Arrival.NEW:
+            return False
+        # Not only for complete cycles: the force is measured even while the controller is silent.
+        self.quality.add(cycle, sample.f_tr)
+        return True
+
+    def command(self, cycle: int, sample: CommandSample) -> None:
+        """Take a command."""
+        self.matcher.accept(COMMAND, cycle, sample)
+
+    def catenary(self, cycle: int, sample: CatenarySample) -> None:
+        """Take a state of the catenary."""
+        self.matcher.accept(CATENARY, cycle, sample)
+
+    def settle(self, now: float) -> Iterator[tuple[int, Any]]:
+        """Book every cycle that is complete by now; gives its number and header after it was booked; ``now`` in s."""
+        matcher = self.matcher
+        while (cycle := matcher.take(now)) is not None:
+            rig: RigSample = matcher.payload(RIG, cycle)
+            command: CommandSample = matcher.payload(COMMAND, cycle)
+            catenary: CatenarySample = matcher.payload(CATENARY, cycle)
+            self.books.add(rig.f_tr, rig.v_tr, command.f_cat, catenary.v_cat)
+            self.trace.add(cycle, rig.f_tr, command, catenary.f_cat)
+            self.work = rig.work
+            yield cycle, rig.header
+
+    def entry(self, cycle: int) -> Entry:
+        """Give the books as they are after ``cycle``."""
+        books = self.books
+        return Entry(cycle, books.delta_e, books.delta_p, books.exchanged_energy, books.exchanged_momentum)
+
+    def complaints(self, now: float, age_limit: float) -> list[str]:
+        """Say in words what is wrong with the ride so far."""
+        matcher, agreement, trace = self.matcher, self.agreement, self.trace
+        found = []
+        age = matcher.age(now)
+        if age is not None and age > age_limit and not matcher.finished:
+            found.append(f"no complete cycle for {age:.1f} s, waiting for cycle {matcher.next}")
+        for name, count, cycles in zip(STREAMS, matcher.missing, matcher.missing_cycles, strict=True):
+            if count:
+                more = ", ..." if count > len(cycles) else ""
+                found.append(f"{count} missing from {name} (cycles {', '.join(map(str, cycles))}{more})")
+        if not agreement.agrees:
+            found.append(
+                f"books disagree with the controller's since cycle {agreement.first_disagreement}: "
+                f"dE by {agreement.worst_energy:.3g} J, dp by {agreement.worst_momentum:.3g} N s at worst"
+            )
+        if trace.broken:
+            found.append(f"{trace.reason} in {trace.broken} cycles, first in cycle {trace.first_broken}")
+        return found
+
+
+def tolerance_of(parameters: Parameters) -> Tolerance:
+    """Take the tolerance out of the parameters."""
+    group = parameters.tolerance
+    return Tolerance(group.energy, group.momentum, group.relative)

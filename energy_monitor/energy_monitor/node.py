@@ -1,0 +1,226 @@
+"""The node: listens to all others, owns nothing, commands nothing, and audits the ride."""
+
+from __future__ import annotations
+
+import sys
+from time import monotonic
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from phil_interfaces.msg import CatenaryState, ConservedQuantities, ContactQuality, ImpedanceCommand, RigState
+from rclpy.qos import QoSProfile
+
+from energy_monitor import topics
+from energy_monitor.agreement import Entry
+from energy_monitor.audit import Audit, CatenarySample, CommandSample, RigSample, tolerance_of
+from energy_monitor.limits import evaluate, load, verdict
+from energy_monitor.parameters import Parameters
+from phil_node.base import Diagnosis, PhilNode, run
+from phil_node.guard import finite
+from phil_node.qos import CYCLE
+
+DEEP = QoSProfile(history=CYCLE.history, depth=5000, reliability=CYCLE.reliability, durability=CYCLE.durability)
+"""Like CYCLE, but a ride in lockstep may be faster than this node for a while: nobody waits for it."""
+
+
+class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
+    """Wires the messages to :class:`energy_monitor.audit.Audit`."""
+
+    def __init__(self) -> None:
+        """Declare the parameters."""
+        super().__init__("energy_monitor", Parameters)
+
+    def build(self) -> None:
+        """Design the filter, read the limits, connect.
+
+        Raises
+        ------
+        ValueError
+            The table of limits cannot be read or does not have the standard.
+        """
+        parameters = self.parameters
+        table = load(parameters.limits.file or None)
+        if parameters.limits.standard not in table:
+            known = ", ".join(table)
+            raise ValueError(f"parameter 'limits.standard' = {parameters.limits.standard!r} is not one of {known}")
+        self._standard = table[parameters.limits.standard]
+        self._audit = Audit(parameters)
+        self._quality_message = ContactQuality()
+        self._books_message = ConservedQuantities()
+        self._quality_message.header.frame_id = self._books_message.header.frame_id = "rig"
+        self._initial: Any = None
+        self._clear()
+        self._quality_out = self.publish_on(ContactQuality, topics.CONTACT_QUALITY)
+        self._books_out = self.publish_on(ConservedQuantities, topics.AUDITED)
+        self.listen(RigState, topics.RIG_STATE, DEEP, self._on_rig)
+        self.listen(ImpedanceCommand, topics.COMMAND, DEEP, self._on_command)
+        self.listen(ConservedQuantities, topics.BELIEVED, DEEP, self._on_believed)
+        # Not by listen(): the catenary's initial state may come before this node is active, and belongs to the books.
+        self._catenary = self.create_subscription(CatenaryState, topics.CATENARY_STATE, self._on_catenary, DEEP)
+        self.time_cycles(parameters.cycle_time)
+
+    def discard(self) -> None:
+        """Disconnect what the base does not know."""
+        self.destroy_subscription(self._catenary)
+
+    def start(self) -> None:
+        """Open new books, beginning with the catenary's initial state if it is there already."""
+        self._clear()
+        if self._initial is not None:
+            self._on_catenary(self._initial)
+
+    def reset(self) -> None:
+        """Open new books."""
+        self.start()
+
+    def changed(self, names: frozenset[str]) -> None:
+        """Take a new tolerance."""
+        self._audit.agreement.tolerance = tolerance_of(self.parameters)
+
+    def diagnose(self) -> Diagnosis:
+        """Report completeness, age, agreement, contact and what the rig counted."""
+        audit, now = self._audit, monotonic()
+        matcher, agreement, books = audit.matcher, audit.agreement, audit.books
+        complaints = audit.complaints(now, self.parameters.age_limit)
+        refused = self.timing.refused
+        if refused:
+            complaints.append(f"{refused} messages with NaN or infinity refused")
+        statistics = audit.quality.statistics
+        checks = evaluate(self._standard, statistics, self._speed * 3.6)
+        kept = verdict(checks)
+        broken = ", ".join(check.name for check in checks if check.ok is False)
+        age = matcher.age(now)
+        values = {
+            "complete cycles": str(matcher.complete),
+            "incomplete cycles": str(matcher.incomplete),
+            "missing (rig, command, catenary)": ", ".join(map(str, matcher.missing)),
+            "duplicates": str(matcher.duplicates),
+            "out of order": str(matcher.out_of_order),
+            "pending": str(matcher.pending),
+            "age of the newest complete cycle s": "-" if age is None else f"{age:.3f}",
+            "late commands counted by the rig": str(self._late_commands),
+            "dE J": f"{books.delta_e:.6g}",
+            "dE share of the exchanged energy": _share(books.delta_e, books.exchanged_energy),
+            "dp N s": f"{books.delta_p:.6g}",
+            "dp share of the exchanged momentum": _share(books.delta_p, books.exchanged_momentum),
+            "books compared with the controller's": str(agreement.compared),
+            "books that disagree": str(agreement.disagreements),
+            "worst difference of dE J": f"{agreement.worst_energy:.3g}",
+            "worst difference of dp N s": f"{agreement.worst_momentum:.3g}",
+            "cycles with mixed samples": str(audit.trace.broken),
+            "contact force N": f"{audit.quality.force:.1f}",
+            "contact force mean N": f"{statistics.mean:.1f}",
+            "contact force sigma N": f"{statistics.sigma:.1f}",
+            "losses of contact": str(statistics.losses),
+            # Not a reason to warn: a bad pantograph is a result of the ride, not a fault of the rig.
+            f"limits of {self._standard.title}": "-" if kept is None else "kept" if kept else f"exceeded: {broken}",
+        }
+        if complaints:
+            return Diagnosis(DiagnosticStatus.WARN, "; ".join(complaints), values)
+        if matcher.complete == 0:
+            return Diagnosis(DiagnosticStatus.OK, "waiting for cycle 0", values)
+        text = "ride complete, books agree" if matcher.finished else "books agree, no cycle missing"
+        return Diagnosis(DiagnosticStatus.OK, text, values)
+
+    def _clear(self) -> None:
+        self._audit.clear()
+        self._speed = 0.0
+        self._late_commands = 0
+
+    def _on_rig(self, message: Any) -> None:
+        self.timing.begin()
+        if not finite(message.f_tr, message.v_tr, message.work):
+            self.timing.refused += 1
+            return
+        cycle, last = message.cycle, message.last
+        if self._audit.rig(cycle, RigSample(message.header, message.f_tr, message.v_tr, message.work), last):
+            self._late_commands = message.late_commands
+            if last or cycle % self.parameters.quality_decimation == 0:
+                self._publish_quality(cycle, message.header)
+        self._settle()
+
+    def _on_command(self, message: Any) -> None:
+        self.timing.begin()
+        if not finite(message.f_tr, message.f_cor, message.f_cat):
+            self.timing.refused += 1
+            return
+        self._audit.command(message.cycle, CommandSample(message.f_tr, message.f_cor, message.f_cat))
+        self._settle()
+
+    def _on_catenary(self, message: Any) -> None:
+        if message.cycle == 0:
+            self._initial = message
+        if not self.active:
+            return
+        self.timing.begin()
+        if not finite(message.v_cat, message.f_cat, message.speed):
+            self.timing.refused += 1
+            return
+        self._speed = message.speed
+        self._audit.catenary(message.cycle, CatenarySample(message.v_cat, message.f_cat))
+        self._settle()
+
+    def _on_believed(self, message: Any) -> None:
+        if not finite(message.delta_e, message.delta_p):
+            self.timing.refused += 1
+            return
+        self._audit.agreement.theirs(
+            Entry(
+                message.cycle,
+                message.delta_e,
+                message.delta_p,
+                message.exchanged_energy,
+                message.exchanged_momentum,
+            )
+        )
+
+    def _settle(self) -> None:
+        audit, timing = self._audit, self.timing
+        matcher = audit.matcher
+        for cycle, header in audit.settle(monotonic()):
+            if cycle % self.parameters.books_decimation == 0 or cycle == matcher.last:
+                audit.agreement.ours(audit.entry(cycle))
+                self._publish_books(cycle, header)
+            timing.end(header, cycle)
+            timing.begin()
+            if cycle == matcher.last:
+                timing.flush(header, cycle)
+        timing.missing, timing.stale = sum(matcher.missing), matcher.stale
+
+    def _publish_books(self, cycle: int, header: Any) -> None:
+        books, message = self._audit.books, self._books_message
+        message.header.stamp = header.stamp
+        message.cycle = cycle
+        message.e_tr, message.e_cat, message.delta_e = books.e_tr, books.e_cat, books.delta_e
+        message.p_tr, message.p_cat, message.delta_p = books.p_tr, books.p_cat, books.delta_p
+        message.exchanged_energy = books.exchanged_energy
+        message.exchanged_momentum = books.exchanged_momentum
+        message.work_tr = self._audit.work
+        self._books_out.publish(message)
+
+    def _publish_quality(self, cycle: int, header: Any) -> None:
+        quality, message = self._audit.quality, self._quality_message
+        statistics = quality.statistics
+        message.header.stamp = header.stamp
+        message.cycle = cycle
+        message.samples = statistics.samples
+        message.force = quality.force
+        message.mean, message.sigma = statistics.mean, statistics.sigma
+        message.minimum, message.maximum = statistics.minimum, statistics.maximum
+        message.statistical_minimum = statistics.statistical_minimum
+        message.statistical_maximum = statistics.statistical_maximum
+        message.loss_share, message.losses = statistics.loss_share, statistics.losses
+        self._quality_out.publish(message)
+
+
+def _share(part: float, whole: float) -> str:
+    return f"{abs(part) / whole:.3e}" if whole > 0.0 else "-"
+
+
+def main() -> None:
+    """Run the monitor until it is shut down."""
+    sys.exit(run(MonitorNode))
+
+
+if __name__ == "__main__":
+    main()

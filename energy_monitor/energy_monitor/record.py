@@ -1,0 +1,290 @@
+"""Record any running ride: raw messages into an MCAP bag, message definitions inside."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from importlib import import_module
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from energy_monitor.topics import RECORDED
+
+DEPTH = 5000
+"""Messages a topic that may wait for the recorder: 10 s at 500 Hz, so that a ride at full speed loses nothing."""
+SETTLE = 0.3
+"""s from the last match until the recorder calls itself ready: the publishers' side learns of it a little later."""
+EAGER = 5.0
+"""s from the start in which new topics are looked for ten times a second, then once a second."""
+QUIET = 0.3
+"""s without a message that end the recording once it was asked to end."""
+DRAIN = 2.0
+"""s after which the recording ends although messages still come."""
+
+
+def arguments(argv: Sequence[str]) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(prog="record", description="Record a running ride into an MCAP bag.")
+    parser.add_argument("--out", type=Path, help="folder of the bag, must not exist (default: ride_DATE_TIME)")
+    parser.add_argument("--all", action="store_true", help="record every topic, also those that appear later")
+    parser.add_argument(
+        "--duration", type=float, default=0.0, metavar="S", help="end S seconds after the first message"
+    )
+    parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="record these instead of the topics of a ride")
+    parser.add_argument("--namespace", default="", metavar="NS", help="namespace of the nodes (default: none)")
+    parser.add_argument(
+        "--ready-file", type=Path, metavar="FILE", help="create FILE once all expected topics are connected"
+    )
+    parser.add_argument(
+        "--expect-topics", nargs="+", metavar="TOPIC", help="topics that --ready-file waits for (default: all)"
+    )
+    return parser.parse_args(argv)
+
+
+class RideRecorder:
+    """Finds topics, subscribes to them as their publishers offer them, and hands every message to a sink."""
+
+    def __init__(self, node: Any, sink: Any, topics: Sequence[str], expected: Sequence[str], every_topic: bool) -> None:
+        """Record ``topics`` (and all others if ``every_topic``) of the node's graph; be ready with the ``expected``."""
+        self._node = node
+        self._sink = sink
+        self._wanted = {node.resolve_topic_name(name) for name in topics}
+        self._expected = {node.resolve_topic_name(name) for name in expected}
+        self._every_topic = every_topic
+        self._subscriptions: dict[str, Any] = {}
+        self.channels: list[Any] = []
+        self.refused: dict[str, str] = {}
+        self._matched_since: float | None = None
+
+    def discover(self) -> None:
+        """Subscribe to everything wanted that has a publisher by now."""
+        names = set(self._wanted)
+        if self._every_topic:
+            graph = self._node.get_topic_names_and_types()
+            names |= {name for name, _ in graph if not any(part.startswith("_") for part in name.split("/"))}
+        for name in sorted(names - self._subscriptions.keys() - self.refused.keys()):
+            publishers = self._node.get_publishers_info_by_topic(name)
+            if publishers:
+                self._subscribe(name, publishers)
+
+    def ready(self, now: float) -> bool:
+        """Tell whether every expected topic is subscribed and has had a publisher for a while (``now`` in s)."""
+        matched = all(
+            name in self._subscriptions and self._subscriptions[name].get_publisher_count() > 0
+            for name in self._expected
+        )
+        if not matched:
+            self._matched_since = None
+            return False
+        if self._matched_since is None:
+            self._matched_since = now
+        return now - self._matched_since >= SETTLE
+
+    @property
+    def complete(self) -> bool:
+        """True when there is nothing left to be found."""
+        return not self._every_topic and self._wanted <= self._subscriptions.keys() | self.refused.keys()
+
+    @property
+    def absent(self) -> list[str]:
+        """Wanted topics that nobody published."""
+        return sorted(self._wanted - self._subscriptions.keys() - self.refused.keys())
+
+    def _subscribe(self, name: str, publishers: Sequence[Any]) -> None:
+        from rclpy.event_handler import SubscriptionEventCallbacks
+
+        from energy_monitor.definitions import definition_of
+        from energy_monitor.recorder import Channel
+
+        kind = publishers[0].topic_type
+        try:
+            package, namespace, short = kind.split("/")
+            message = getattr(import_module(f"{package}.{namespace}"), short)
+        except (ImportError, AttributeError, ValueError) as error:
+            self.refused[name] = f"type {kind} is not installed ({error})"
+            return
+        definition = definition_of(kind, str(publishers[0].topic_type_hash))
+        channel = Channel(name, kind, definition, [offered(info.qos_profile) for info in publishers])
+
+        def lost(status: Any) -> None:
+            channel.lost += status.total_count_change
+
+        self._subscriptions[name] = self._node.create_subscription(
+            message,
+            name,
+            self._sink.add(channel),
+            matching(publishers),
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
+        )
+        self.channels.append(channel)
+
+
+def matching(publishers: Sequence[Any]) -> Any:
+    """Ask for what all publishers of a topic offer: reliable, transient local if every one of them is."""
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+    profiles = [info.qos_profile for info in publishers]
+    reliable = all(profile.reliability == ReliabilityPolicy.RELIABLE for profile in profiles)
+    latched = all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def offered(profile: Any) -> Any:
+    """Translate a publisher's QoS for the bag, so that a player can offer the same."""
+    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+    def duration(value: Any) -> QosTime:
+        seconds, nanoseconds = divmod(value.nanoseconds, 10**9)
+        return QosTime(seconds, nanoseconds)
+
+    return Qos(
+        history=getattr(QosHistory, profile.history.name, QosHistory.UNKNOWN),
+        depth=profile.depth,
+        reliability=getattr(QosReliability, profile.reliability.name, QosReliability.UNKNOWN),
+        durability=getattr(QosDurability, profile.durability.name, QosDurability.UNKNOWN),
+        deadline=duration(profile.deadline),
+        lifespan=duration(profile.lifespan),
+        liveliness=getattr(QosLiveliness, profile.liveliness.name, QosLiveliness.UNKNOWN),
+        liveliness_lease_duration=duration(profile.liveliness_lease_duration),
+        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
+    )
+
+
+def announce(file: Path, topics: Sequence[str]) -> None:
+    """Create the ready file at once and whole."""
+    draft = file.with_name(f".{file.name}.{os.getpid()}")
+    draft.write_text("".join(f"{topic}\n" for topic in topics), encoding="utf-8")
+    draft.replace(file)
+
+
+def summary(recorder: RideRecorder, path: Path, seconds: float) -> str:
+    """Say what was recorded, topic by topic."""
+    rows = [f"{'messages':>10} {'kB':>10} {'lost':>6}  topic"]
+    channels = sorted(recorder.channels, key=lambda channel: channel.topic)
+    rows += [f"{c.messages:>10} {c.bytes / 1e3:>10.1f} {c.lost:>6}  {c.topic}  [{c.kind}]" for c in channels]
+    rows += [f"{'-':>10} {'-':>10} {'-':>6}  {name}  refused: {why}" for name, why in sorted(recorder.refused.items())]
+    rows += [f"{0:>10} {'-':>10} {'-':>6}  {name}  never published" for name in recorder.absent]
+    total = sum(channel.messages for channel in channels)
+    lost = sum(channel.lost for channel in channels)
+    rows.append(f"{path}: {total} messages in {seconds:.1f} s, {lost} lost")
+    return "\n".join(rows)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Record until the duration is over or SIGINT or SIGTERM comes; 0 if the bag is whole, 1 if writing failed."""
+    asked: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda got, _frame: asked.append(got))
+
+    # Loading ROS takes a while: the handlers above must already stand.
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+    from rclpy.utilities import remove_ros_args
+    from rosbags.rosbag2 import WriterError
+
+    from energy_monitor.recorder import BagSink
+
+    options = arguments(remove_ros_args(sys.argv if argv is None else ["record", *argv])[1:])
+    path = options.out or Path(f"ride_{datetime.now():%Y%m%d_%H%M%S}")
+    topics = options.topics or ([] if options.all and options.expect_topics else RECORDED)
+    expected = options.expect_topics or topics
+    try:
+        sink = BagSink(path)
+    except (WriterError, OSError) as error:
+        print(f"record: {error}", file=sys.stderr)
+        return 1
+    rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node(
+        "ride_recorder", namespace=options.namespace, enable_rosout=False, start_parameter_services=False
+    )
+    recorder = RideRecorder(node, sink, topics, expected, options.all)
+    began = monotonic()
+    try:
+        _record(node, recorder, sink, options, asked)
+    finally:
+        seconds = monotonic() - began
+        node.destroy_node()
+        rclpy.try_shutdown()
+        try:
+            sink.close()
+        except OSError as error:
+            print(f"record: {error}", file=sys.stderr)
+            return 1
+    print(summary(recorder, path, seconds), flush=True)
+    return 0
+
+
+def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Namespace, asked: list[int]) -> None:
+    executor = _executor()
+    executor.add_node(node)
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    began = looked = said = monotonic()
+    looked -= 1.0
+    before = 0
+    first: float | None = None
+    waiting = options.ready_file is not None
+    show = sys.stdout.isatty()
+    while not asked and sink.error is None:
+        executor.spin_once(timeout_sec=0.05)
+        now = monotonic()
+        hurry = waiting or now - began < EAGER
+        if not recorder.complete and now - looked >= (0.1 if hurry else 1.0):
+            looked = now
+            recorder.discover()
+        if waiting and recorder.ready(now):
+            announce(options.ready_file, [channel.topic for channel in recorder.channels])
+            waiting = False
+        if show and now - said >= 1.0:
+            count = sink.received
+            print(f"{now - began:7.1f} s  {count:>9} messages  {(count - before) / (now - said):8.0f} /s", flush=True)
+            said, before = now, count
+        if first is None and sink.received:
+            first = now
+        if first is not None and 0.0 < options.duration <= now - first:
+            break
+    else:
+        _drain(executor, sink, asked)
+    executor.shutdown()
+
+
+def _drain(executor: Any, sink: Any, asked: list[int]) -> None:
+    """Take what is still on its way: the recorder is often asked to end together with the nodes."""
+    deadline = monotonic() + DRAIN
+    quiet_since, count = monotonic(), sink.received
+    # A second signal ends it at once.
+    while len(asked) < 2 and sink.error is None:
+        executor.spin_once(timeout_sec=0.05)
+        now = monotonic()
+        if sink.received != count:
+            quiet_since, count = now, sink.received
+        if now - quiet_since >= QUIET or now >= deadline:
+            break
+
+
+def _executor() -> Any:
+    """Give the events executor (half the processor time of the other one), or the other one where it is missing."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        from rclpy.executors import SingleThreadedExecutor
+
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

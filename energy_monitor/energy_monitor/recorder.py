@@ -1,0 +1,157 @@
+"""The writing half of a recording: a queue, a thread, and an MCAP file that survives the end of its writer.
+
+The callback of a subscription only appends to the queue. The thread writes and closes the file's chunk several times a
+second, so that a recording that is killed is readable up to its last chunk, without metadata and without a summary.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic, time_ns
+from types import MappingProxyType
+from typing import Any
+
+from rosbags.interfaces import Connection, Qos
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
+
+from energy_monitor.definitions import Definition
+
+FLUSH_PERIOD = 0.25
+"""s, at most this much of a ride is lost when the recorder is killed."""
+POLL_PERIOD = 0.02
+"""s between two looks at the queue; short enough to keep it small, long enough to cost nothing."""
+
+
+class SteadyMcap(McapWriter):
+    """MCAP storage whose chunk can be closed before it is full."""
+
+    def sync(self) -> None:
+        """Hand everything that was written to the operating system."""
+        if self.chunk.msgs:
+            self.close_chunk()
+        self.bio.flush()
+
+
+class SteadyWriter(Writer):
+    """Bag writer that can be told to leave a readable file behind at any time."""
+
+    STORAGE_PLUGINS: Mapping[StoragePlugin, Any] = MappingProxyType({StoragePlugin.MCAP: SteadyMcap})
+
+    def sync(self) -> None:
+        """Close the chunk and flush the file."""
+        if isinstance(self.storage, SteadyMcap):
+            self.storage.sync()
+
+
+@dataclass
+class Channel:
+    """A recorded topic and what came of it; ``lost`` counts what the middleware says it dropped."""
+
+    topic: str
+    kind: str
+    definition: Definition
+    offered: Sequence[Qos] = ()
+    messages: int = 0
+    bytes: int = 0
+    lost: int = 0
+    connection: Connection | None = field(default=None, repr=False)
+
+
+class BagSink:
+    """Writes raw messages of any number of topics into a bag from a thread of its own."""
+
+    def __init__(self, path: Path) -> None:
+        """Create the bag's folder ``path``, which must not exist yet, and start writing.
+
+        Raises
+        ------
+        rosbags.rosbag2.WriterError
+            The folder exists.
+        """
+        self.path = path
+        self.error: BaseException | None = None
+        self.received = 0
+        """Messages that came, written or still in the queue."""
+        self._last = 0
+        self._unsynced = False
+        self._queue: deque[tuple[Channel, int, bytes | None]] = deque()
+        self._ending = threading.Event()
+        self._writer = SteadyWriter(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.open()
+        self._thread = threading.Thread(target=self._work, name="bag", daemon=True)
+        self._thread.start()
+
+    def add(self, channel: Channel) -> Callable[[bytes], None]:
+        """Enter a topic into the bag; gives the function that takes its raw messages (CDR)."""
+        self._queue.append((channel, 0, None))
+        append, now = self._queue.append, time_ns
+
+        def take(data: bytes) -> None:
+            self.received += 1
+            append((channel, now(), data))
+
+        return take
+
+    def close(self) -> None:
+        """Write what is in the queue, close the bag with index and metadata.
+
+        Raises
+        ------
+        OSError
+            Writing failed, now or earlier; the bag holds what was written before.
+        """
+        self._ending.set()
+        self._thread.join()
+        if self.error is None:
+            self._writer.close()
+            return
+        self._writer.abort()
+        raise OSError(f"{self.path}: {self.error}") from self.error
+
+    def _work(self) -> None:
+        flushed = monotonic()
+        try:
+            while True:
+                ending = self._ending.wait(POLL_PERIOD)
+                dirty = self._write_queue()
+                now = monotonic()
+                if ending:
+                    self._writer.sync()
+                    return
+                if dirty and now - flushed >= FLUSH_PERIOD:
+                    self._writer.sync()
+                    self._unsynced = False
+                    flushed = now
+        except Exception as error:
+            self.error = error
+
+    def _write_queue(self) -> bool:
+        """Write all that is in the queue now; tell whether anything is written but not yet flushed."""
+        queue, write = self._queue, self._writer.write
+        for _ in range(len(queue)):
+            channel, stamp, data = queue.popleft()
+            if data is None or channel.connection is None:
+                channel.connection = self._connect(channel)
+            if data is None:
+                continue
+            # The wall clock may be set back during a ride; a bag without an index must still be in order.
+            self._last = stamp = max(self._last, stamp)
+            write(channel.connection, stamp, data)
+            channel.messages += 1
+            channel.bytes += len(data)
+            self._unsynced = True
+        return self._unsynced
+
+    def _connect(self, channel: Channel) -> Connection:
+        return self._writer.add_connection(
+            channel.topic,
+            channel.kind,
+            msgdef=channel.definition.text,
+            rihs01=channel.definition.digest,
+            offered_qos_profiles=channel.offered,
+        )

@@ -1,0 +1,69 @@
+"""Command line: make the report of a recorded ride."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+OK, FAILED, UNUSABLE = 0, 1, 2
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        prog="analyze",
+        description="Make the report of a recorded ride: report.json, report.html, ride.png and figures.",
+        epilog="Exit code: 0 every requirement holds, 1 one fails, 2 the bag or another input cannot be used.",
+    )
+    add = parser.add_argument
+    add(
+        "bag", type=Path, help="folder of a bag or of a ride, or a single .mcap or .db3 file, also one that was cut off"
+    )
+    add("--out", type=Path, metavar="DIR", help="folder of the report (the ride's own, or BAG_report beside the bag)")
+    add("--params", type=Path, metavar="FILE", help="parameters that the ride ran with (params.yaml beside the bag)")
+    add("--limits", type=Path, metavar="FILE", help="YAML with limits of the verdicts that replace the usual ones")
+    add("--run-in", type=_seconds, metavar="S", help="seconds at the beginning that the statistics leave out")
+    add("--namespace", metavar="NS", help="namespace of the ride's nodes, where the bag holds several")
+    add("--no-html", action="store_true", help="numbers only: neither page nor figures")
+    add("--json", type=Path, metavar="FILE", help="where the numbers go (report.json in the report's folder)")
+    return parser.parse_args(argv)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make the report and print its summary; 0 every requirement holds, 1 one fails, 2 unusable input."""
+    options = arguments(argv)
+
+    from rich.console import Console
+
+    from energy_monitor.report.table import summary_table
+    from energy_monitor.report.write import ReportError, write_report
+
+    try:
+        report = write_report(
+            options.bag,
+            options.out,
+            options.params,
+            limits=options.limits,
+            run_in=options.run_in,
+            html=not options.no_html,
+            json_file=options.json,
+            namespace=options.namespace,
+        )
+    except ReportError as error:
+        print(f"analyze: {error}", file=sys.stderr)
+        return UNUSABLE
+    Console().print(summary_table(report))
+    return OK if report.ok else FAILED
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a time of 0 s or more")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,137 @@
+"""What each node did: modes of the rig, solver, catenary, timing, and the warnings that were raised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from energy_monitor.bag import Bag
+from energy_monitor.report.alignment import Aligned, last_ride, unique
+from energy_monitor.report.results import Catenary, Floats, ModeChange, Solver, Timing, Warned
+
+# The constants of the message definitions, in their order.
+MODES = ("hold", "tracking", "bridging", "holding", "retracting", "stopped")
+CORRECTION = ("off", "active", "capped", "projected", "dead zone")
+STATUS = ("solved", "iterations ran out", "fallback")
+LEVELS = ("OK", "WARN", "ERROR", "STALE")
+
+
+def counts(values: NDArray[Any], names: Sequence[str]) -> dict[str, int]:
+    """Count how often each named constant occurs, those that do only; an unknown one by its number."""
+    found, number = np.unique(values, return_counts=True)
+    return {_name(names, int(v)): int(n) for v, n in zip(found, number, strict=True)}
+
+
+def modes(aligned: Aligned, ts: float) -> list[ModeChange]:
+    """List the rig's first mode and every change of it."""
+    mode = aligned.rig["mode"].astype(np.int64)
+    at = np.concatenate([[0], np.flatnonzero(np.diff(mode)) + 1])
+    return [ModeChange(int(aligned.cycle[i]), _name(MODES, int(mode[i])), float(aligned.cycle[i] * ts)) for i in at]
+
+
+def retracted(aligned: Aligned) -> int:
+    """Count the cycles in which the rig retracted or had stopped."""
+    return int((aligned.rig["mode"] >= MODES.index("retracting")).sum())
+
+
+def mismatches(aligned: Aligned) -> int:
+    """Count the cycles in which a force is not the one that was sent, up to the rounding of one addition.
+
+    The command has to carry the rig's F_tr of its cycle and F_cat = F_tr + F_cor (3.45), and the catenary has to have
+    felt the F_cat of the cycle before.
+    """
+
+    def differs(one: Floats, other: Floats) -> NDArray[np.bool_]:
+        return ~np.isclose(one, other, rtol=1e-9, atol=1e-9)
+
+    f_tr, f_cat = aligned.command.real("f_tr"), aligned.command.real("f_cat")
+    wrong = differs(f_tr, aligned.rig.real("f_tr")) | differs(f_cat, f_tr + aligned.command.real("f_cor"))
+    felt = differs(aligned.catenary.real("f_cat")[1:], f_cat[:-1]) & (np.diff(aligned.cycle) == 1)
+    wrong[1:] |= felt
+    return int(wrong.sum())
+
+
+def solver(aligned: Aligned) -> Solver:
+    """Sum up how the quadratic programs (3.56) were solved."""
+    iterations = aligned.command.real("iterations")
+    status = aligned.command["status"]
+    return Solver(
+        iterations_mean=float(iterations.mean()),
+        iterations_p99=float(np.percentile(iterations, 99.0)),
+        iterations_max=int(iterations.max()),
+        fallbacks=int((status == STATUS.index("fallback")).sum()),
+        status=counts(status, STATUS),
+    )
+
+
+def catenary(aligned: Aligned, used: NDArray[np.bool_]) -> Catenary:
+    """Sum up slack droppers and the iterations for a consistent slack state (thesis 3.1.3)."""
+    slack = aligned.catenary.real("slack_droppers")[used]
+    iterations = aligned.catenary.real("iterations")[used]
+    return Catenary(
+        droppers=int(aligned.catenary["droppers"][used].max()),
+        slack_mean=float(slack.mean()),
+        slack_max=int(slack.max()),
+        slack_share=float((slack > 0).mean()),
+        iterations_mean=float(iterations.mean()),
+        iterations_max=int(iterations.max()),
+    )
+
+
+def turnaround(bag: Bag) -> Mapping[str, Floats]:
+    """Give each node's turnaround of all recorded cycles in s, by node."""
+    found = {}
+    for table in bag.of_type("CycleTiming"):
+        batches = unique(last_ride(table)).entries("turnaround")
+        found[_node(table.topic)] = np.concatenate(batches).astype(np.float64)
+    return {node: values for node, values in found.items() if len(values)}
+
+
+def timing(bag: Bag) -> list[Timing]:
+    """Sum up the turnaround of each node that reported it."""
+    measured = turnaround(bag)
+    found = []
+    for table in bag.of_type("CycleTiming"):
+        node = _node(table.topic)
+        values = measured.get(node)
+        if values is None:
+            continue
+        last = {name: int(table[name][-1]) for name in ("late", "missing", "stale", "refused")}
+        budget = float(table["budget"][-1])
+        found.append(
+            Timing(
+                node=node,
+                cycles=len(values),
+                budget=budget,
+                median=float(np.median(values)),
+                p99=float(np.percentile(values, 99.0)),
+                largest=float(values.max()),
+                over_budget=int((values > budget).sum()),
+                **last,
+            )
+        )
+    return found
+
+
+def warnings(bag: Bag, start: int) -> list[Warned]:
+    """List the distinct diagnostics of level WARN or worse in order; times are from `start` (ns)."""
+    found: dict[tuple[int, str, str], list[float]] = {}
+    for entry in bag.diagnostics:
+        key = (entry.level, entry.name, entry.message)
+        found.setdefault(key, []).append((entry.log_time - start) * 1e-9)
+    return [
+        Warned(_name(LEVELS, level), name, message, len(times), times[0], times[-1])
+        for (level, name, message), times in found.items()
+    ]
+
+
+def _node(topic: str) -> str:
+    parts = topic.strip("/").split("/")
+    return parts[-2] if len(parts) > 1 else parts[0]
+
+
+def _name(names: Sequence[str], value: int) -> str:
+    return names[value] if value < len(names) else f"unknown ({value})"

@@ -1,0 +1,160 @@
+"""Does the ride hold? The requirements, their limits from YAML, and a verdict on each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from energy_monitor import limits as contact_limits
+from energy_monitor.contact_quality import ContactStatistics
+from energy_monitor.limits import LimitsError
+from energy_monitor.report.alignment import Aligned
+from energy_monitor.report.results import TRUTH, Agreement, Conservation, ContactForce, Tracking, Verdict
+from phil_node.parameters import config_file
+
+__all__ = ["Limits", "LimitsError", "judge", "read_limits"]
+
+
+STANDARD = "en50367_ac"
+"""Standard for the contact force where neither limits nor parameters name one."""
+
+_OF_EXCHANGED = "largest difference from the recomputed sums over what was exchanged"
+
+
+class Limits(BaseModel):
+    """Limits of the verdicts, in the units of `config/report_limits.yaml`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    position_error_rms: float = Field(ge=0.0)
+    energy_error_share: float = Field(ge=0.0)
+    loss_share: float = Field(ge=0.0, le=1.0)
+    missing_cycles: int = Field(ge=0)
+    agreement_share: float = Field(ge=0.0)
+    mismatches: int = Field(ge=0)
+    standard: str
+    standard_file: str
+    standard_binding: list[str]
+
+
+def read_limits(path: Path | str | None = None) -> Limits:
+    """Read the limits that come with the package, overridden by those in the file at `path`.
+
+    Raises
+    ------
+    LimitsError
+        The file is missing, is no YAML, or has an unknown key or a value that is not allowed; one line.
+    """
+    values: dict[str, Any] = {}
+    for file in (config_file("energy_monitor", "report_limits.yaml"), *([Path(path)] if path else [])):
+        try:
+            tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise LimitsError(f"{file}: cannot be read: {error.strerror}") from None
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise LimitsError(f"{file}: is no YAML: {' '.join(str(error).split())}") from None
+        if not isinstance(tree, dict):
+            raise LimitsError(f"{file}: has to be a mapping")
+        values |= tree
+        try:
+            limits = Limits.model_validate(values)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise LimitsError(f"{file}: '{where}' = {first['input']!r}: {first['msg']}") from None
+    return limits
+
+
+def judge(
+    limits: Limits,
+    speed: float,
+    aligned: Aligned,
+    tracking: Tracking,
+    force: ContactForce,
+    conservation: Conservation,
+    books: Sequence[Agreement],
+    quality: Sequence[Agreement],
+    retracted: int,
+    mismatches: int,
+) -> list[Verdict]:
+    """Hold the results of a ride at `speed` (m/s) against the limits.
+
+    Raises
+    ------
+    LimitsError
+        The table of contact-force limits cannot be read or lacks the standard that is asked for.
+    """
+    energy = conservation.delta_e_max_share
+    energy_share = None if energy is None else energy * 100.0
+    verdicts = [
+        _at_most(
+            "position", "Position error, rms", tracking.position_error_rms * 1e3, limits.position_error_rms * 1e3, "mm"
+        ),
+        _at_most(
+            "energy", "Energy error |dE|, of exchanged", energy_share, limits.energy_error_share * 100.0, "%",
+            "largest |dE| of the ride over the exchanged energy, eq. (3.46)",
+        ),
+        _at_most("contact", "Time without contact", force.loss_share * 100.0, limits.loss_share * 100.0, "%"),
+        _at_most("cycles", "Missing cycles", float(len(aligned.missing)), float(limits.missing_cycles), ""),
+        Verdict("ended", "Ride came to its last cycle", float(aligned.ended), 1.0, None, TRUTH, aligned.ended),
+        _at_most("retracted", "Cycles with the rig retracted", float(retracted), 0.0, ""),
+        _at_most(
+            "mismatches", "Cycles with another force than was sent", float(mismatches), float(limits.mismatches), "",
+            "F_tr from rig to controller, F_cat = F_tr + F_cor, F_cat from controller to catenary, eq. (3.45)",
+        ),
+    ]  # fmt: skip
+    verdicts += _standard(limits, speed, force)
+    whole = not aligned.missing  # with gaps the sums differ by what is not in the bag
+    known = {entry.source: entry for entry in books}
+    subjects: list[tuple[str, str, str, Agreement | None]] = [
+        ("monitor_books", "Monitor's books are off by", _OF_EXCHANGED, known.get("energy_monitor")),
+        ("controller_books", "Controller's books are off by", _OF_EXCHANGED, known.get("impedance_mpc")),
+        ("monitor_force", "Monitor's force figures are off by", "over the mean force", next(iter(quality), None)),
+    ]
+    return verdicts + [_agreement(key, name, source, found, limits, whole) for key, name, source, found in subjects]
+
+
+def _at_most(key: str, name: str, value: float | None, limit: float, unit: str, source: str = "") -> Verdict:
+    return Verdict(key, name, value, None, limit, unit, None if value is None else value <= limit, source=source)
+
+
+def _agreement(key: str, name: str, source: str, agreement: Agreement | None, limits: Limits, whole: bool) -> Verdict:
+    high = limits.agreement_share
+    if agreement is None:
+        return Verdict(key, name, None, None, high, "", None, source="not in the bag, or not comparable")
+    if not whole:
+        return Verdict(key, name, agreement.share, None, high, "", None, source="cycles are missing")
+    return Verdict(key, name, agreement.share, None, high, "", agreement.share <= high, source=source)
+
+
+def _standard(limits: Limits, speed: float, force: ContactForce) -> list[Verdict]:
+    tables = contact_limits.load(limits.standard_file or None)
+    name = limits.standard or STANDARD
+    if name not in tables:
+        raise LimitsError(f"no standard '{name}' among the limits: {', '.join(tables)}")
+    statistics = ContactStatistics(
+        force.samples, force.mean, force.sigma, force.minimum, force.maximum, force.loss_share, force.losses
+    )
+    found = []
+    # Rounded, for 250 km/h must not be a hair above 250 only because m/s are stored.
+    for check in contact_limits.evaluate(tables[name], statistics, round(speed * 3.6, 6)):
+        scale, unit = (100.0, "%") if check.quantity == "loss_share" else (1.0, check.unit)
+        low, high = (None if side is None else side * scale for side in (check.low, check.high))
+        found.append(
+            Verdict(
+                key=f"{name}_{check.quantity}",
+                name=check.name[0].upper() + check.name[1:],
+                value=check.value * scale,
+                low=low,
+                high=high,
+                unit=unit,
+                ok=check.ok,
+                binding=check.quantity in limits.standard_binding,
+                source=check.source,
+            )
+        )
+    return found

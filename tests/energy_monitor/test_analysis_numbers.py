@@ -1,0 +1,264 @@
+"""The analysis gives the numbers of rides that are known in closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from energy_monitor.analysis import Settings, analyse, lag, spectrum
+from energy_monitor.bag import BagError, read_bag
+from energy_monitor.report.alignment import ranges
+from energy_monitor.report.results import Report
+from energy_monitor.report.verdicts import Limits, LimitsError, read_limits
+
+Make = Callable[..., Report]
+TS = 0.002
+
+
+@pytest.fixture
+def make(synthetic: Callable[..., Path], tmp_path: Path) -> Make:
+    """Analyse a synthetic ride of given properties."""
+    numbers = count()
+
+    def analysed(settings: Settings | None = None, limits: Limits | None = None, **ride: Any) -> Report:
+        bag = read_bag(synthetic(tmp_path / f"bag{next(numbers)}", **ride))
+        return analyse(bag, settings or Settings(), limits or read_limits())
+
+    return analysed
+
+
+@pytest.fixture(scope="module")
+def report(ride_bag: Path) -> Report:
+    return analyse(read_bag(ride_bag), Settings(), read_limits())
+
+
+def verdict(report: Report, key: str) -> Any:
+    return next(entry for entry in report.verdicts if entry.key == key)
+
+
+def test_position_error_and_lag(report: Report) -> None:
+    # w_tr(t) = w_cat(t - d), sine of amplitude A: rms error sqrt(2) A sin(omega d / 2) over whole periods.
+    track = report.tracking
+    assert track.position_error_rms == pytest.approx(math.sqrt(2.0) * 0.02 * math.sin(2.0 * math.pi * 0.8e-3), rel=1e-9)
+    assert track.lag == pytest.approx(0.8e-3, abs=1e-6)  # a parabola through a cosine: error well below 1 % of Ts
+    assert track.velocity_error_rms == pytest.approx(1e-4, rel=1e-9)
+    assert track.displacement_mean == pytest.approx(0.05, abs=1e-9)
+
+
+@pytest.mark.parametrize("seconds", [-0.0113, -0.002, 0.0, 0.0004, 0.0471])
+def test_lag_of_a_broad_band_signal(seconds: float) -> None:
+    t = np.arange(3000) * TS
+    rng = np.random.default_rng(1)
+    waves = [(f, rng.uniform(0.0, 2.0 * np.pi)) for f in (0.7, 1.9, 3.1, 7.3)]
+
+    def signal(time: Any) -> Any:
+        return sum(np.sin(2.0 * np.pi * f * time + p) / f for f, p in waves)
+
+    found, likeness = lag(signal(t), signal(t - seconds), TS)
+    assert found == pytest.approx(seconds, abs=0.05 * TS)  # parabola through a peak that is no parabola
+    assert likeness == pytest.approx(1.0, abs=1e-3)
+
+
+def test_no_lag_of_what_does_not_move() -> None:
+    assert lag(np.zeros(2000), np.zeros(2000), TS) == (None, None)
+    assert lag(np.arange(50.0), np.arange(50.0), TS) == (None, None)
+
+
+def test_contact_force(report: Report) -> None:
+    # 5 Hz sine passes the 20 Hz filter of order 6 with gain 1 - 3e-8; the rest is the sampling of its extremes.
+    force = report.contact_force
+    assert force.samples == 500
+    assert force.mean == pytest.approx(120.0, abs=1e-3)
+    assert force.sigma == pytest.approx(30.0 / math.sqrt(2.0), rel=1e-3)
+    assert force.statistical_maximum == pytest.approx(120.0 + 90.0 / math.sqrt(2.0), rel=1e-3)
+    assert force.minimum == pytest.approx(90.0, abs=0.1)
+    assert force.loss_share == 0.0 and force.losses == 0
+
+
+def test_energy_and_momentum(report: Report) -> None:
+    # f = F + a sin, v_tr = V sin, v_cat = v_tr + e, F_cor = c over 15 whole periods of 3 s:
+    # E_tr = a V T / 2, E_cat = E_tr + (F + c) e T, sum of Ts |f v| = 2 F V T / pi up to the sampling of |sin|.
+    books = report.conservation
+    assert books.e_tr == pytest.approx(30.0 * 0.1 * 3.0 / 2.0, rel=1e-12)
+    assert books.delta_e == pytest.approx(-122.0 * 1e-4 * 3.0, rel=1e-9)
+    assert books.exchanged_energy == pytest.approx(120.0 * 0.1 * 3.0 * 2.0 / math.pi, rel=1e-3)
+    assert books.delta_p == pytest.approx(-2.0 * 3.0, rel=1e-12)
+    assert books.exchanged_momentum == pytest.approx(360.0, rel=1e-12)
+    assert books.work_difference == pytest.approx(0.0, abs=1e-12)  # the synthetic rig sums as the report does
+
+
+def test_books_agree_and_disagree(report: Report, make: Make) -> None:
+    monitor, controller, quality = report.agreement
+    assert (monitor.source, controller.source) == ("energy_monitor", "impedance_mpc")
+    assert monitor.compared == controller.compared == 150
+    # The same sums, in another order of additions for the statistics.
+    assert max(entry.share for entry in report.agreement) < 1e-12
+    assert quality.differences["loss_share"] == 0.0 and verdict(report, "monitor_force").ok is True
+    assert verdict(make(quality_error=0.01), "monitor_force").ok is False
+    slipped = make(books_error=0.01)
+    assert verdict(slipped, "monitor_books").ok is False
+    assert verdict(slipped, "controller_books").ok is True
+    assert slipped.agreement[0].differences["delta_e"] == pytest.approx(0.01, abs=1e-12)
+
+
+def test_spectrum_has_the_power_of_the_force() -> None:
+    # Parseval: the density of a sine of amplitude 30 sums up to 30^2 / 2; Hann leakage is far below 1 %.
+    t = np.arange(4096) * TS
+    frequency, density = spectrum(30.0 * np.sin(2.0 * np.pi * 5.0 * t) + 120.0, TS)
+    assert float(density.sum() * (frequency[1] - frequency[0])) == pytest.approx(450.0, rel=1e-2)
+    assert frequency[density.argmax()] == pytest.approx(5.0, abs=0.25)
+
+
+def test_counts(report: Report) -> None:
+    assert report.solver.status == {"solved": 1485, "iterations ran out": 15}
+    assert report.solver.iterations_max == 4
+    assert report.correction.rms == pytest.approx(2.0)
+    assert report.correction.modes == {"active": 1500}
+    assert report.catenary.slack_share == pytest.approx(0.25)
+    assert report.catenary.iterations_max == 2
+    assert report.ride.speed_factor == pytest.approx(2.0, rel=1e-3)  # first to last message is one cycle short
+    assert report.ride.speed == pytest.approx(250.0 / 3.6)
+
+
+def test_timing(report: Report) -> None:
+    assert [entry.node for entry in report.timing] == [
+        "catenary_model",
+        "energy_monitor",
+        "impedance_mpc",
+        "test_rig_sim",
+    ]
+    entry = report.timing[0]
+    assert entry.cycles == 1500 and entry.late == 2 and entry.over_budget == 0
+    assert entry.largest == pytest.approx(2.99e-4, rel=1e-6)  # float32
+    assert entry.median == pytest.approx(2.495e-4, rel=1e-6)
+
+
+def test_warnings_are_said_once(report: Report) -> None:
+    (warned,) = report.warnings
+    assert (warned.level, warned.count) == ("WARN", 3)
+    assert warned.last - warned.first == pytest.approx(1.0)  # 1000 cycles of 1 ms wall time
+
+
+def test_correction_at_its_bound(make: Make) -> None:
+    assert make(correction=10.0).correction.at_bounds_share == 1.0
+
+
+def test_good_ride_passes(report: Report) -> None:
+    assert report.ok
+    assert all(entry.ok is not False for entry in report.verdicts)
+    assert verdict(report, "en50367_ac_mean").high == pytest.approx(0.00097 * 250.0**2 + 70.0)
+    assert verdict(report, "en50367_ac_loss_share").high == pytest.approx(0.1)  # 250 km/h is not above 250 km/h
+
+
+@pytest.mark.parametrize(
+    ("ride", "key"),
+    [
+        ({"lag": 4e-3}, "position"),
+        ({"velocity_error": 1e-3}, "energy"),
+        ({"no_contact": (1200, 1201)}, "contact"),
+        ({"missing": (700, 701, 900)}, "cycles"),
+        ({"modes": {1300: 4}}, "retracted"),
+        ({"mean_force": 160.0}, "en50367_ac_mean"),
+        ({"last": False}, "ended"),
+        ({"mismatches": (50,)}, "mismatches"),
+    ],
+)
+def test_bad_ride_fails(make: Make, ride: dict[str, Any], key: str) -> None:
+    report = make(**ride)
+    assert verdict(report, key).ok is False
+    assert not report.ok
+
+
+def test_information_does_not_decide(make: Make) -> None:
+    report = make(amplitude=70.0)  # sigma 49 N, more than 0.3 of 120 N
+    assert verdict(report, "en50367_ac_sigma").ok is False
+    assert report.ok
+
+
+def test_missing_and_double_cycles(make: Make) -> None:
+    report = make(missing=(700, 701, 900), repeated=(5, 1499))
+    rig = report.streams[0]
+    assert (rig.missing, rig.missing_ranges, rig.duplicates) == (3, ["700..701", "900"], 2)
+    assert report.ride.cycles == 1497
+    assert verdict(report, "cycles").value == 3.0
+    assert verdict(report, "monitor_books").ok is None  # sums with gaps cannot be compared
+
+
+def test_losses_are_counted(make: Make) -> None:
+    force = make(no_contact=(1100, 1101, 1102, 1300)).contact_force
+    assert force.losses == 2
+    assert force.loss_share == pytest.approx(4 / 500)
+
+
+def test_mode_changes(make: Make) -> None:
+    changes = [(change.cycle, change.mode) for change in make(modes={0: 0, 10: 1, 800: 2, 801: 1}).modes]
+    assert changes == [(0, "hold"), (10, "tracking"), (800, "bridging"), (801, "tracking")]
+
+
+def test_recording_that_began_late(make: Make) -> None:
+    report = make(first=1000)
+    assert report.ride.cycles == 1500
+    assert any("cycle 1000" in note for note in report.notes)
+    assert verdict(report, "monitor_books").ok is True
+
+
+def test_ride_shorter_than_its_run_in(make: Make) -> None:
+    report = make(cycles=400)
+    assert report.contact_force.samples == 400
+    assert any("shorter" in note for note in report.notes)
+
+
+def test_shortest_rides_do_not_crash(make: Make) -> None:
+    report = make(cycles=2)
+    assert report.tracking.lag is None
+    assert report.ride.cycles == 2
+
+
+def test_bag_without_monitor_is_open(make: Make) -> None:
+    own = (
+        "energy_monitor/conserved_quantities",
+        "impedance_mpc/conserved_quantities",
+        "catenary_model/impedance_model",
+    )
+    report = make(without=(*own, "catenary_model/wire_shape"))
+    assert report.ride.ts == TS
+    assert verdict(report, "monitor_books").ok is None
+    assert report.ok
+
+
+def test_missing_topic(make: Make) -> None:
+    with pytest.raises(BagError, match="no CatenaryState"):
+        make(without=("catenary_model/state",))
+
+
+def test_namespace_changes_nothing(make: Make, report: Report) -> None:
+    other = make(namespace="/lab")
+    assert other.tracking == report.tracking and other.conservation == report.conservation
+
+
+def test_limits(tmp_path: Path) -> None:
+    assert read_limits().position_error_rms == 0.0005
+    file = tmp_path / "limits.yaml"
+    file.write_text("position_error_rms: 0.001\n")
+    assert read_limits(file).position_error_rms == 0.001
+    for text, message in (
+        ("position: 1.0", "position"),
+        ("missing_cycles: -1", "missing_cycles"),
+        ("- 1", "mapping"),
+        ("a: [", "no YAML"),
+    ):
+        file.write_text(text)
+        with pytest.raises(LimitsError, match=message):
+            read_limits(file)
+
+
+def test_ranges() -> None:
+    assert ranges([]) == []
+    assert ranges([1, 2, 3, 7, 9, 10]) == ["1..3", "7", "9..10"]
+    assert ranges(list(range(0, 60, 2)), most=2) == ["0", "2", "and 28 more"]

@@ -1,0 +1,159 @@
+"""Matching of streams by cycle number."""
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from energy_monitor.cycles import Arrival, CycleMatcher
+
+STREAMS = ("rig", "command", "catenary")
+
+
+def drain(matcher, now=0.0):
+    taken = []
+    while (cycle := matcher.take(now)) is not None:
+        taken.append(cycle)
+        assert [matcher.payload(s, cycle) for s in range(3)] == [(s, cycle) for s in range(3)]
+    return taken
+
+
+def feed(matcher, stream, cycles, now=0.0):
+    taken = []
+    for cycle in cycles:
+        matcher.accept(stream, cycle, (stream, cycle))
+        taken += drain(matcher, now)
+    return taken
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 60), st.integers(2, 30), st.randoms(use_true_random=False), st.integers(0, 5))
+def test_complete_streams_give_every_cycle_once_in_order(count, window, chance, doubles):
+    # Each stream is in order, the three are interleaved at random but never further apart than the window.
+    matcher = CycleMatcher(STREAMS, window)
+    position, taken = [0, 0, 0], []
+    while min(position) < count:
+        stream = chance.choice([s for s in range(3) if position[s] < min(count, min(position) + window)])
+        taken += feed(matcher, stream, [position[stream]])
+        if doubles and chance.random() < 0.1 * doubles:
+            assert matcher.accept(stream, position[stream], (stream, position[stream])) is Arrival.DUPLICATE
+        position[stream] += 1
+    assert taken == list(range(count))
+    assert matcher.complete == count
+    assert matcher.missing == [0, 0, 0]
+    assert (matcher.stale, matcher.out_of_order, matcher.incomplete, matcher.pending) == (0, 0, 0, 0)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.sets(st.tuples(st.integers(0, 2), st.integers(0, 98)), max_size=30), st.integers(2, 40))
+def test_what_is_lost_is_counted_where_it_was_lost(lost, window):
+    matcher, taken = CycleMatcher(STREAMS, window), []
+    for cycle in range(100):
+        if cycle == 99:
+            matcher.finish(99)
+        for stream in range(3):
+            if (stream, cycle) not in lost:
+                taken += feed(matcher, stream, [cycle])
+    broken = {cycle for _, cycle in lost}
+    assert taken == [cycle for cycle in range(100) if cycle not in broken]
+    assert matcher.missing == [sum(s == stream for s, _ in lost) for stream in range(3)]
+    for stream in range(3):
+        assert matcher.missing_cycles[stream] == sorted(c for s, c in lost if s == stream)[:8]
+    assert matcher.incomplete == len(broken)
+    assert matcher.complete == 100 - len(broken)
+    assert matcher.finished
+
+
+def test_out_of_order_messages_still_make_a_cycle():
+    matcher = CycleMatcher(STREAMS, 8)
+    feed(matcher, 0, [0, 1, 2])
+    feed(matcher, 1, [0, 1, 2])
+    assert matcher.accept(2, 2, (2, 2)) is Arrival.NEW
+    assert drain(matcher) == []
+    assert matcher.accept(2, 0, (2, 0)) is Arrival.OUT_OF_ORDER
+    assert matcher.accept(2, 1, (2, 1)) is Arrival.OUT_OF_ORDER
+    assert drain(matcher) == [0, 1, 2]
+    assert matcher.out_of_order == 2
+
+
+def test_a_cycle_that_was_given_up_is_stale_when_it_comes():
+    matcher = CycleMatcher(STREAMS, 4)
+    feed(matcher, 0, range(10))
+    assert matcher.next == 6
+    assert matcher.accept(1, 2, (1, 2)) is Arrival.STALE
+    assert matcher.stale == 1
+    assert matcher.missing == [0, 6, 6]
+    assert matcher.pending == 4
+
+
+def test_a_repeated_last_message_is_no_stale_one():
+    matcher = CycleMatcher(STREAMS, 4)
+    for stream in range(3):
+        feed(matcher, stream, [0])
+    assert matcher.accept(0, 0, (0, 0)) is Arrival.DUPLICATE
+    assert matcher.stale == 0
+
+
+def test_a_jump_is_counted_without_walking_through_it():
+    matcher = CycleMatcher(STREAMS, 100)
+    feed(matcher, 0, [0, 1])
+    matcher.accept(0, 10**12, (0, 10**12))
+    assert matcher.missing == [10**12 - 99 - 2, 10**12 - 99, 10**12 - 99]
+    assert matcher.missing_cycles[1] == list(range(8))
+
+
+def test_the_state_after_the_last_cycle_is_not_missed_elsewhere():
+    # The catenary still steps after the last cycle.
+    matcher = CycleMatcher(STREAMS, 8)
+    matcher.finish(2)
+    for stream, count in ((0, 3), (1, 3), (2, 4)):
+        feed(matcher, stream, range(count))
+    assert matcher.finished
+    assert (matcher.complete, matcher.missing, matcher.pending) == (3, [0, 0, 0], 0)
+
+
+def test_age_is_that_of_the_newest_complete_cycle():
+    matcher = CycleMatcher(STREAMS, 8)
+    assert matcher.age(1.0) is None
+    for stream in range(3):
+        feed(matcher, stream, [0], now=10.0)
+    feed(matcher, 0, [1], now=11.0)
+    assert matcher.age(12.5) == 2.5
+
+
+def test_after_clear_cycle_0_is_expected_again():
+    matcher = CycleMatcher(STREAMS, 8)
+    for stream in range(3):
+        feed(matcher, stream, range(20))
+    matcher.clear()
+    for stream in (2, 0):
+        assert feed(matcher, stream, [0]) == []
+    assert feed(matcher, 1, [0]) == [0]
+
+
+def test_a_payload_that_left_the_ring_is_not_given():
+    matcher = CycleMatcher(STREAMS, 4)
+    for stream in range(3):
+        feed(matcher, stream, [0])
+    feed(matcher, 0, [4])
+    with pytest.raises(KeyError):
+        matcher.payload(0, 0)
+
+
+def test_a_window_is_needed():
+    with pytest.raises(ValueError, match="window"):
+        CycleMatcher(STREAMS, 1)
+
+
+def test_a_long_ride_with_random_losses_keeps_its_accounts():
+    chance = random.Random(1)
+    matcher, taken, sent = CycleMatcher(STREAMS, 50), 0, [0, 0, 0]
+    for cycle in range(3000):
+        for stream in range(3):
+            if chance.random() < 0.99 or cycle >= 2900:
+                sent[stream] += 1
+                taken += len(feed(matcher, stream, [cycle]))
+    assert matcher.complete == taken
+    assert [matcher.missing[s] + sent[s] for s in range(3)] == [3000, 3000, 3000]
+    assert matcher.complete + matcher.incomplete == 3000

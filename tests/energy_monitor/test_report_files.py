@@ -1,0 +1,177 @@
+"""The files of a report: strict JSON, a page that needs nothing else, figures of a size to send."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from energy_monitor.report import ReportError, summary_table, write_report
+from energy_monitor.report.cli import main
+from energy_monitor.report.document import document
+from energy_monitor.report.html import page
+from energy_monitor.report.results import Report
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+FIGURES = {"displacement", "contact_force", "spectrum", "conservation", "correction", "wires", "timing"}
+
+
+class Strict(HTMLParser):
+    """Checks that tags are balanced and collects what they refer to."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.references: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+        assert tag not in ("script", "iframe", "object", "link")
+        self.references += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data")]
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in VOID:
+            assert self.open and self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def written(ride_bag: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Report]:
+    out = tmp_path_factory.mktemp("report")
+    params = out / "params.yaml"
+    params.write_text("test_rig_sim:\n  ros__parameters:\n    pantograph: <en50318>\n    drive:\n      mass: 8.0\n")
+    return out, write_report(ride_bag, out, params)
+
+
+def test_files(written: tuple[Path, Report]) -> None:
+    out, report = written
+    assert report.ok
+    assert {file.stem for file in (out / "figures").iterdir()} == FIGURES
+    for file in (*(out / "figures").iterdir(), out / "ride.png"):
+        assert file.read_bytes().startswith(b"\x89PNG")
+        assert file.stat().st_size < 200_000
+    assert (out / "report.html").stat().st_size < 2_000_000
+
+
+def test_document(written: tuple[Path, Report]) -> None:
+    out, report = written
+    text = (out / "report.json").read_text(encoding="utf-8")
+    tree = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert tree["schema_version"] == 1 and tree["ok"] is True
+    assert tree["tracking"]["position_error_rms"] == report.tracking.position_error_rms
+    assert tree["units"]["tracking.position_error_rms"] == "m"
+    assert tree["units"]["timing[].median"] == "s"
+    assert tree["parameters"]["test_rig_sim"]["drive.mass"] == 8.0
+    assert tree["versions"]["Python"]
+    assert "series" not in tree
+
+
+def test_nothing_is_nan_in_the_document(written: tuple[Path, Report]) -> None:
+    _, report = written
+    broken = replace(report, ride=replace(report.ride, speed_factor=math.nan, wall_time=math.inf))
+    tree = document(broken)
+    assert tree["ride"]["speed_factor"] is None and tree["ride"]["wall_time"] is None
+    json.dumps(tree, allow_nan=False)
+
+
+def test_page_is_whole_and_alone(written: tuple[Path, Report]) -> None:
+    out, _ = written
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert re.sub(r"base64,[A-Za-z0-9+/=]+", "", text).lower().count("http") == 0
+    reader = Strict()
+    reader.feed(text)
+    assert reader.open == []
+    assert len(reader.references) == len(FIGURES) + 1
+    assert all(reference.startswith("data:image/png;base64,") for reference in reader.references)
+    assert "url(" not in text and "@import" not in text
+
+
+def test_page_escapes_what_the_bag_says(written: tuple[Path, Report]) -> None:
+    text = (written[0] / "report.html").read_text(encoding="utf-8")
+    assert "<b>differs</b>" not in text and "dE &lt;b&gt;differs&lt;/b&gt; &amp; more" in text
+    assert "&lt;en50318&gt;" in text
+
+
+def test_page_names_what_fails(written: tuple[Path, Report]) -> None:
+    _, report = written
+    assert "Every requirement holds." in page(report, {})
+    failing = replace(report, verdicts=[replace(v, ok=False) if v.key == "position" else v for v in report.verdicts])
+    text = page(failing, {})
+    assert "1 requirement fails: Position error" in text and "FAILS" in text
+
+
+def test_summary_table(written: tuple[Path, Report]) -> None:
+    console = Console(width=90, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+    console.print(summary_table(written[1]))
+    text = console.export_text()
+    assert "Position error" in text and "holds" in text and "0.142 mm" in text
+
+
+def test_page_of_a_poor_bag(synthetic: Callable[..., Path], tmp_path: Path) -> None:
+    # Two cycles, and none of the topics that are not needed.
+    more = ("catenary_model/wire_shape", "energy_monitor/conserved_quantities", "impedance_mpc/conserved_quantities")
+    bag = synthetic(tmp_path / "bag", cycles=2, without=more)
+    write_report(bag, tmp_path / "out")
+    assert (tmp_path / "out" / "report.html").is_file()
+    assert not (tmp_path / "out" / "figures" / "wires.png").exists()
+
+
+def run(*arguments: Any) -> int:
+    return main([str(argument) for argument in arguments])
+
+
+def test_exit_codes(synthetic: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    good, bad = synthetic(tmp_path / "good"), synthetic(tmp_path / "bad", lag=4e-3)
+    assert run(good, "--no-html", "--json", tmp_path / "numbers.json") == 0
+    assert json.loads((tmp_path / "numbers.json").read_text())["ok"] is True
+    assert run(bad, "--no-html", "--out", tmp_path / "out") == 1
+    assert "FAILS" in capsys.readouterr().out
+    limits = tmp_path / "limits.yaml"
+    limits.write_text("position_error_rms: 0.01\n")
+    assert run(bad, "--no-html", "--out", tmp_path / "out", "--limits", limits) == 0
+    assert not (tmp_path / "out" / "report.html").exists()
+
+
+def test_unusable_input_is_one_line(tmp_path: Path, ride_bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "no.mcap").write_bytes(b"no bag")
+    (tmp_path / "bad.yaml").write_text("a: b: c")
+    for arguments in (
+        (tmp_path / "absent",),
+        (tmp_path / "no.mcap",),
+        (ride_bag, "--params", tmp_path / "absent.yaml", "--out", tmp_path),
+        (ride_bag, "--params", tmp_path / "bad.yaml", "--out", tmp_path),
+        (ride_bag, "--limits", tmp_path / "bad.yaml", "--out", tmp_path),
+        (ride_bag, "--out", tmp_path / "no.mcap" / "below"),
+    ):
+        assert run(*arguments) == 2
+        error = capsys.readouterr().err
+        assert error.startswith("analyze: ") and error.count("\n") == 1
+
+
+def test_default_place(synthetic: Callable[..., Path], tmp_path: Path) -> None:
+    bag = synthetic(tmp_path / "ride" / "bag", cycles=20)
+    run(bag, "--no-html")
+    assert (tmp_path / "ride" / "bag_report" / "report.json").is_file()
+    (tmp_path / "ride" / "params.yaml").write_text("test_rig_sim:\n  ros__parameters:\n    seed: 7\n")
+    run(tmp_path / "ride" / "bag", "--no-html")
+    tree = json.loads((tmp_path / "ride" / "report.json").read_text())
+    assert tree["parameters"] == {"test_rig_sim": {"seed": 7}}
+
+
+def test_report_of_a_cut_recording(synthetic: Callable[..., Path], tmp_path: Path) -> None:
+    file = next(synthetic(tmp_path / "bag").glob("*.mcap"))
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(file.read_bytes()[: file.stat().st_size * 7 // 10])
+    with pytest.raises(ReportError):
+        write_report(tmp_path / "absent", tmp_path)
+    report = write_report(cut, tmp_path / "out", html=False)
+    assert not report.ride.recording_whole and not report.ok
+    assert report.conservation.delta_p == pytest.approx(-2.0 * 0.002 * report.ride.cycles, rel=1e-9)
