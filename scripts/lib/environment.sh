@@ -55,16 +55,17 @@ phil_install() {
     touch "$PHIL_VENV/COLCON_IGNORE" # colcon would take the wheels' package.xml files for packages to build
   fi
   phil_say "installing Python packages for: $purpose (a minute or two the first time)"
-  local python="$PHIL_VENV/bin/python" arguments=() constraint
-  "$python" -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1' || phil_fail "pip cannot be updated"
+  local python="$PHIL_VENV/bin/python" log="$PHIL_VENV/.phil-pip.txt" arguments=() constraint
+  "$python" -m pip install --disable-pip-version-check --upgrade 'pip>=25.1' >"$log" 2>&1 ||
+    { tail -n 20 "$log" >&2; phil_fail "pip cannot be updated; all of it is in $log"; }
   while read -r group; do arguments+=(--group "$group"); done < <(phil_groups "$purpose")
   constraint="$PHIL_VENV/.phil-constraints"
   : >"$constraint"
   # The message code of a sourced ROS 2 was compiled for the numpy of its system: keep that one.
   [ "$PHIL_ROS" = sourced ] &&
     "$PHIL_PYTHON" -c 'import numpy; print(f"numpy=={numpy.__version__}")' >"$constraint" 2>/dev/null
-  (cd "$PHIL_ROOT" && "$python" -m pip install --quiet --disable-pip-version-check -c "$constraint" "${arguments[@]}") ||
-    phil_fail "the Python packages could not be installed (see above)"
+  (cd "$PHIL_ROOT" && "$python" -m pip install --disable-pip-version-check -c "$constraint" "${arguments[@]}") >>"$log" 2>&1 ||
+    { tail -n 20 "$log" >&2; phil_fail "the Python packages could not be installed; all of it is in $log"; }
   printf '%s' "$wanted" >"$stamp"
 }
 

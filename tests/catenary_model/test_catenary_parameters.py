@@ -16,7 +16,8 @@ def with_changes(**changes: Any) -> dict[str, Any]:
 
 def test_defaults_are_table_3_1() -> None:
     parameters = build(Parameters, defaults("catenary_model"))
-    assert parameters.config() == Config(line=Line())
+    # The ride starts under the mid-span dropper, where the wire at rest is at nominal height.
+    assert parameters.config() == Config(line=Line(), start_position=30.0)
     assert parameters.wire_shape_every == 20
 
 
