@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from phil_interfaces.msg import CycleTiming
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -25,6 +26,10 @@ from phil_node.qos import CYCLE
 from phil_node.timing import Timing
 
 P = TypeVar("P", bound=Group)
+RCLError = rclpy_implementation.RCLError
+
+QUIET = 1.0
+"""Time in s without a cycle after which a ride counts as over."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -180,6 +185,16 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         """Drop the design and everything that it published."""
         return self._attempt("clean up", self._tear_down)
 
+    def _LifecycleNodeMixin__change_state(self, transition_id: int) -> TransitionCallbackReturn:
+        # rclpy lets a request for a transition that the present state does not have escape as an exception, which would
+        # end the process: a slip of the operator must not take the drive's supervisor away.
+        try:
+            return super()._LifecycleNodeMixin__change_state(transition_id)
+        except RCLError:
+            state = self._state_machine.current_state[1]
+            self.get_logger().error(f"there is no transition {transition_id} from the state '{state}': nothing done")
+            return TransitionCallbackReturn.FAILURE
+
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop, drop the design and end the process."""
         if self.active:
@@ -230,6 +245,10 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
     def _serve_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.configured:
             response.success, response.message = False, f"{self.get_name()} is not configured"
+            return response
+        if self.active and self.timing.idle < QUIET:
+            reason = "a ride is going on: end it first (emergency stop, or deactivate test_rig_sim)"
+            response.success, response.message = False, f"{self.get_name()} was not reset: {reason}"
             return response
         try:
             self.timing.clear()
@@ -288,11 +307,16 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
 
 def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int:
     """Run one node until it is shut down or interrupted; give the exit code (2: wrong parameters)."""
-    rclpy.init(args=argv)
     try:
+        rclpy.init(args=argv)
         node = kind()
     except ParameterError as error:
         print(error, file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    except RCLError as error:
+        # Arguments that ROS itself cannot read: a missing parameter file, a malformed remapping.
+        print(str(error).splitlines()[0], file=sys.stderr)
         rclpy.try_shutdown()
         return 2
     executor = _executor()

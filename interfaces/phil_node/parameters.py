@@ -7,6 +7,7 @@ its default. Nested groups become dotted ROS names (``contact_wire.tension``). N
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,12 +52,17 @@ class Info:
         if self.kind is str:
             return "a text"
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
-        what = "numbers" if self.kind is list else "an integer" if self.kind is int else "a number"
+        what = "one or more numbers" if self.kind is list else "an integer" if self.kind is int else "a number"
+        return what + self.range() + unit
+
+    def range(self) -> str:
+        """Say the range, empty without one."""
         if self.low is None and self.high is None:
-            return what + unit
-        low = "-inf" if self.low is None else f"{self.low:g}"
-        high = "inf" if self.high is None else f"{self.high:g}"
-        return f"{what} from {low} to {high}{unit}"
+            return ""
+        show = str if self.kind is int else "{:g}".format
+        low = "-inf" if self.low is None else show(self.low)
+        high = "inf" if self.high is None else show(self.high)
+        return f" from {low} to {high}"
 
 
 def parameter(
@@ -168,6 +174,22 @@ def values_of(group: Group) -> dict[str, Any]:
     return flatten(group.model_dump())
 
 
+class _Loader(yaml.SafeLoader):
+    """YAML as ROS reads it: 2e4 and 1.5e3 are numbers (YAML 1.1 wants a point and a sign)."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
+)
+
+
+def parse(text: str) -> Any:
+    """Parse a YAML text; raises yaml.YAMLError."""
+    return yaml.load(text, Loader=_Loader)
+
+
 def read_file(path: Path | str) -> dict[str, dict[str, Any]]:
     """Read a ROS parameter file: node name (or wildcard) to flat dotted values.
 
@@ -177,7 +199,7 @@ def read_file(path: Path | str) -> dict[str, dict[str, Any]]:
         The file is missing, is no YAML, or has not the form ``node: ros__parameters: key: value``.
     """
     try:
-        tree = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        tree = parse(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterError(f"{path}: cannot be read: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -244,7 +266,8 @@ def _convert(info: Info, value: Any) -> Any:
             numbers = [_number(info, entry) for entry in value] if not isinstance(value, str) else [None]
         except TypeError:
             return None
-        return None if any(entry is None for entry in numbers) else numbers
+        # An empty list has no type that ROS could keep.
+        return None if not numbers or any(entry is None for entry in numbers) else numbers
     if info.kind is float:
         return _number(info, value)
     if type(value) is not info.kind:

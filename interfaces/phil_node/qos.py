@@ -4,11 +4,12 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 CYCLE = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=32,
+    depth=1000,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""One sample a cycle. Reliable: a lost cycle breaks the books and the wire's state. 32 deep: 64 ms of backlog."""
+"""One sample a cycle. Reliable: a lost cycle breaks the books and the wire's state. 1000 deep: a listener that the
+machine holds up for a second or two still gets every cycle; a writer keeps what a slow one has not acknowledged."""
 
 LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import array
 from collections.abc import Callable
+from math import inf
 from time import perf_counter_ns
 from typing import Any
 
@@ -32,6 +33,12 @@ class Timing:
         self._recent = np.zeros(RECENT, dtype=np.float32)
         self._total = 0
         self._begun = 0
+        self._ended = 0
+
+    @property
+    def idle(self) -> float:
+        """Give the time in s since the last cycle; infinite before the first."""
+        return (perf_counter_ns() - self._ended) * 1e-9 if self._total else inf
 
     def connect(self, message: Any, send: Callable[[Any], None], budget: float, count_overruns: bool = True) -> None:
         """Send batches as ``message`` (a CycleTiming, reused) through ``send``; ``budget`` is the cycle time in s.
@@ -62,6 +69,7 @@ class Timing:
         self._filled += 1
         self._recent[self._total % RECENT] = seconds
         self._total += 1
+        self._ended = perf_counter_ns()
         if self._filled == BATCH:
             self.flush(header, cycle)
 

@@ -36,7 +36,7 @@ def table() -> str:
 def _row(info: Info, value: Any) -> str:
     live = " *live*" if info.live else ""
     unit = info.unit.replace("|", "\\|") if info.unit else ""
-    allowed = info.allowed().removesuffix(f" {info.unit}") if info.unit else info.allowed()
+    allowed = info.range().removeprefix(" from ") or info.allowed().removesuffix(f" {info.unit}")
     return f"| `{info.name}` | {info.description}{live} | {unit} | {_show(value)} | {allowed} |"
 
 

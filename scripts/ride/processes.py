@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -11,25 +10,23 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-PR_SET_PDEATHSIG = 1
-_libc = ctypes.CDLL(None, use_errno=True)
-
 
 class Process:
     """One child: its output goes to a log file, Ctrl-C in the terminal does not reach it, and it ends if we die."""
 
-    def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
+    def __init__(self, name: str, module: str, arguments: Sequence[str], log: Path) -> None:
         self.name = name
         self.log = log
+        command = [sys.executable, "-m", "ride.child", str(os.getpid()), module, *arguments]
         with log.open("wb") as output:
             self._child = subprocess.Popen(
-                [sys.executable, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                preexec_fn=_die_with_parent,
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
             )
+
+    @property
+    def pid(self) -> int:
+        """Give the process id."""
+        return self._child.pid
 
     @property
     def ended(self) -> bool:
@@ -41,10 +38,10 @@ class Process:
         """Give the exit code, None while it runs."""
         return self._child.poll()
 
-    def ask_to_end(self) -> None:
-        """Send SIGINT."""
+    def ask_to_end(self, number: int = signal.SIGINT) -> None:
+        """Send a signal."""
         if not self.ended:
-            self._child.send_signal(signal.SIGINT)
+            self._child.send_signal(number)
 
     def wait(self, seconds: float) -> bool:
         """Wait for the end; tell whether it came in time."""
@@ -54,16 +51,6 @@ class Process:
             return False
         return True
 
-    def end(self, patience: float = 5.0) -> None:
-        """End it: wait, then SIGTERM, then SIGKILL."""
-        if self.wait(patience):
-            return
-        self._child.terminate()
-        if self.wait(3.0):
-            return
-        self._child.kill()
-        self._child.wait()
-
     def last_words(self, lines: int = 5) -> str:
         """Give the last lines of its output."""
         text = self.log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
@@ -71,13 +58,12 @@ class Process:
 
 
 def end_all(processes: Sequence[Process], patience: float = 5.0) -> None:
-    """End several processes that were already asked to; the patience is for all together."""
-    deadline = time.monotonic() + patience
-    for process in processes:
-        process.end(max(0.1, deadline - time.monotonic()))
-
-
-def _die_with_parent() -> None:
-    _libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() == 1:
-        os._exit(1)
+    """End processes: let them go by themselves for ``patience`` s all together, then SIGTERM, then SIGKILL."""
+    for number, seconds in ((None, patience), (signal.SIGTERM, 3.0), (signal.SIGKILL, 5.0)):
+        left = [process for process in processes if not process.ended]
+        if number is not None:
+            for process in left:
+                process.ask_to_end(number)
+        deadline = time.monotonic() + seconds
+        for process in left:
+            process.wait(max(0.0, deadline - time.monotonic()))

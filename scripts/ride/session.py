@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
+import os
 import signal
 import time
 from collections.abc import Mapping
@@ -26,6 +26,9 @@ START_SECONDS = 60.0
 CONFIGURE_SECONDS = 180.0
 """The very first start compiles the kernels."""
 STALL_SECONDS = 20.0
+RETRACT_SECONDS = 10.0
+DISCOVERY_SECONDS = 0.8
+"""Time in which a neighbour on the same machine or network is seen."""
 TAKE_DOWN_ORDER = tuple(reversed(NODES))
 
 
@@ -65,22 +68,29 @@ class Ride:
             Ctrl-C or a signal ended the ride early; the bag is complete up to there.
         """
         handlers = {number: signal.signal(number, self._interrupt) for number in _SIGNALS}
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node("ride", start_parameter_services=False)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
         try:
-            # Children first: what they run between fork and exec must not meet the threads of the middleware.
+            self._refuse_neighbours(0)
             self._start_processes()
-            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            self._ride()
+        finally:
             try:
-                self._ride()
-            finally:
                 self._take_down()
+            finally:
                 self._executor.shutdown()
                 self._node.destroy_node()
                 rclpy.try_shutdown()
-        finally:
-            end_all([*self._nodes.values(), *([self._recorder] if self._recorder else [])], patience=0.5)
-            remove_litter(self._shm)
-            for number, handler in handlers.items():
-                signal.signal(number, handler)
+                end_all(self._processes, patience=0.5)
+                remove_litter(self._shm)
+                for number, handler in handlers.items():
+                    signal.signal(number, handler)
+
+    @property
+    def _processes(self) -> list[Process]:
+        return [*self._nodes.values(), *([self._recorder] if self._recorder else [])]
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         self._interrupts += 1
@@ -92,25 +102,29 @@ class Ride:
         logs.mkdir(parents=True, exist_ok=True)
         parameters = str(self._out / "params.yaml")
         if self._bag:
-            shutil.rmtree(self.bag_path, ignore_errors=True)
             self._ready = logs / "recorder.ready"
             self._ready.unlink(missing_ok=True)
-            arguments = ["-m", "energy_monitor.record", "--out", str(self.bag_path), "--ready-file", str(self._ready)]
-            self._recorder = Process("recorder", arguments, logs / "recorder.log")
+            arguments = ["--out", str(self.bag_path), "--ready-file", str(self._ready)]
+            self._recorder = Process("recorder", "energy_monitor.record", arguments, logs / "recorder.log")
         for name in NODES:
-            arguments = ["-m", f"{name}.node", "--ros-args", "--params-file", parameters]
-            self._nodes[name] = Process(name, arguments, logs / f"{name}.log")
+            arguments = ["--ros-args", "--params-file", parameters]
+            if name == "test_rig_sim":
+                # Cycle 0 waits for controller, monitor and recorder: none of them may miss it.
+                arguments += ["-p", f"wait_for_subscribers:={self._listeners}"]
+            self._nodes[name] = Process(name, f"{name}.node", arguments, logs / f"{name}.log")
+
+    @property
+    def _listeners(self) -> int:
+        wanted: int = self._settings["test_rig_sim"]["wait_for_subscribers"]
+        return wanted + (self._recorder is not None)
 
     def _ride(self) -> None:
-        self._node = rclpy.create_node("ride", start_parameter_services=False)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
         self._managed = {name: Managed(self._node, name, self._spin) for name in NODES}
         rig = self._settings["test_rig_sim"]
         self.watch = Watch(self._node, rig["cycle_time"])
         for managed in self._managed.values():
             managed.wait(START_SECONDS)
-        self._refuse_neighbours()
+        self._refuse_neighbours(1)
         with self._busy("configuring (the first time compiles the kernels)"):
             for managed in self._managed.values():
                 managed.go(CONFIGURE, CONFIGURE_SECONDS)
@@ -118,31 +132,46 @@ class Ride:
         for managed in self._managed.values():
             managed.go(ACTIVATE, START_SECONDS)
         duration = rig["duration"]
-        self.watch.moved = time.monotonic()
+        last = max(1, round(duration / rig["cycle_time"])) - 1 if duration else None
+        watch = self.watch
+        watch.moved = time.monotonic()
         with Display(self._console, duration) as display:
-            last = round(duration / rig["cycle_time"]) - 1
-            while self.watch.cycle < last or last < 0:
+            while not watch.through(last):
                 self._spin()
-                display.show(self.watch)
-                if self.watch.errors:
-                    name, text = next(iter(self.watch.errors.items()))
-                    raise RideError(f"{name}: {text}")
-                if time.monotonic() - self.watch.moved > STALL_SECONDS:
-                    raise RideError(f"no cycle for {STALL_SECONDS:g} s, the last one was {self.watch.cycle}")
-            display.show(self.watch)
-        self.seconds = time.monotonic() - (self.watch.started or time.monotonic())
+                display.show(watch)
+                self._raise_errors()
+                if time.monotonic() - watch.moved > STALL_SECONDS:
+                    if watch.cycle == last:
+                        break  # all cycles were ridden; what the monitor still lacks, the report will say
+                    raise RideError(f"no cycle for {STALL_SECONDS:g} s, the last one was {watch.cycle}")
+            display.show(watch)
+        self.seconds = watch.moved - (watch.started or watch.moved)
+
+    def _raise_errors(self) -> None:
+        """End the ride when a node reports an error; a rig that retracts is let come to rest first."""
+        assert self.watch is not None
+        if not self.watch.errors:
+            return
+        name, text = next(iter(self.watch.errors.items()))
+        deadline = time.monotonic() + RETRACT_SECONDS
+        while name == "test_rig_sim" and text.startswith("retracting") and time.monotonic() < deadline:
+            self._spin()
+            text = self.watch.errors[name]
+        raise RideError(f"{name}: {text}")
 
     def _busy(self, text: str) -> contextlib.AbstractContextManager[object]:
         return self._console.status(text) if self._console.is_terminal else contextlib.nullcontext()
 
-    def _refuse_neighbours(self) -> None:
-        """Refuse to command nodes that somebody else started."""
+    def _refuse_neighbours(self, own: int) -> None:
+        """Refuse to command nodes that somebody else started; ``own`` of each name are ours."""
+        deadline = time.monotonic() + DISCOVERY_SECONDS
+        while time.monotonic() < deadline and not own:
+            self._spin()
         names = self._node.get_node_names()
         for name in NODES:
-            if names.count(name) > 1 or self._node.count_services(f"/{name}/change_state") > 1:
-                raise RideError(
-                    f"another {name} already runs on this ROS domain: end it, or set ROS_DOMAIN_ID to another number"
-                )
+            if names.count(name) > own or self._node.count_services(f"/{name}/change_state") > own:
+                domain = os.environ.get("ROS_DOMAIN_ID", "0")
+                raise RideError(f"another {name} already runs on ROS domain {domain}: end it, or set ROS_DOMAIN_ID")
 
     def _wait_for_recorder(self) -> None:
         deadline = time.monotonic() + START_SECONDS
@@ -161,7 +190,7 @@ class Ride:
         self._executor.spin_once(timeout_sec=0.05)
         if self._interrupts:
             raise RideInterrupt
-        for process in [*self._nodes.values(), *([self._recorder] if self._recorder else [])]:
+        for process in self._processes:
             if process.ended:
                 words = process.last_words()
                 raise RideError(f"{process.name} ended with code {process.code}" + (f":\n{words}" if words else ""))
@@ -174,8 +203,6 @@ class Ride:
 
     def _take_down(self) -> None:
         """Rig first, so that nothing moves when the others go; then the recorder, then the processes."""
-        if not hasattr(self, "_executor"):
-            return
         names = [name for name in TAKE_DOWN_ORDER if name in self._managed and not self._nodes[name].ended]
         alive = [self._managed[name] for name in names]
         for managed in alive:
@@ -189,6 +216,10 @@ class Ride:
                 self._recorder.ask_to_end()
                 self._recorder.wait(15.0)
             for managed in alive:
+                if managed.state == "unconfigured":
+                    # Nothing to undo, and it may still be importing or compiling.
+                    self._nodes[managed.name].ask_to_end(signal.SIGTERM)
+                    continue
                 with contextlib.suppress(RideError):
                     managed.shut_down(5.0)
             end_all(list(self._nodes.values()))

@@ -37,6 +37,12 @@ class Watch:
         """Give the simulated time in s that the ride has come to."""
         return (self.cycle + 1) * self._cycle_time
 
+    def through(self, last: int | None) -> bool:
+        """Tell whether cycle ``last`` was ridden, answered and booked by the monitor; never for an endless ride."""
+        if last is None or self.rig_timing is None or self.books is None:
+            return False
+        return bool(self.rig_timing.cycle >= last and self.books.cycle >= last)
+
     def _move_to(self, cycle: int) -> None:
         if cycle > self.cycle:
             self.cycle = cycle

@@ -153,6 +153,16 @@ def test_parameters_cannot_change_while_active_and_say_so(catenary):
     assert "spans" in refused.reason and "active" in refused.reason
 
 
+def test_a_transition_that_does_not_exist_is_refused_and_the_node_lives(catenary):
+    from ride.lifecycle import CONFIGURE, RideError
+
+    one, publisher, states = catenary
+    with pytest.raises(RideError, match="refused to configure"):
+        one.managed.go(CONFIGURE, 20.0)
+    publisher.publish(command(0, 100.0))
+    assert one.until(lambda: states[-1].cycle == 1)
+
+
 def test_reset_brings_the_catenary_back_to_cycle_0(catenary):
     from std_srvs.srv import Trigger
 
@@ -161,6 +171,10 @@ def test_reset_brings_the_catenary_back_to_cycle_0(catenary):
     for cycle in range(3):
         publisher.publish(command(cycle, 200.0))
         assert one.until(lambda wanted=cycle + 1: states[-1].cycle == wanted)
+    refused = one.call(Trigger, "catenary_model/reset", Trigger.Request())
+    assert not refused.success and "a ride is going on" in refused.message
+    quiet = time.monotonic() + 1.1
+    one.until(lambda: time.monotonic() > quiet)
     assert one.call(Trigger, "catenary_model/reset", Trigger.Request()).success
     assert one.until(lambda: states[-1].cycle == 0)
     assert (states[-1].w_cat, states[-1].track_position) == (first.w_cat, first.track_position)

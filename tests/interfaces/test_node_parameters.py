@@ -51,6 +51,7 @@ def test_an_integer_is_a_number():
         ("active", 1, ["active", "true or false"]),
         ("droppers", [1.0, -1.0], ["droppers", "-1"]),
         ("droppers", 3.0, ["droppers", "numbers"]),
+        ("droppers", [], ["droppers", "one or more numbers"]),
         ("wire.tension", -1.0, ["wire.tension", "-1", "N"]),
     ],
 )
@@ -83,6 +84,13 @@ def test_exactly_the_range_is_accepted(value):
 
 def test_infos_flatten_groups_in_order():
     assert [info.name for info in infos(Sample)] == list(GOOD)
+
+
+def test_numbers_with_an_exponent_are_numbers(tmp_path):
+    path = tmp_path / "params.yaml"
+    path.write_text("node:\n  ros__parameters: {a: 2e4, b: -1.5E-3, c: 1e, d: [1e3, .5e1], e: 0x1e2}\n")
+    values = read_file(path)["node"]
+    assert values == {"a": 2e4, "b": -1.5e-3, "c": "1e", "d": [1000.0, 5.0], "e": 0x1E2}
 
 
 @pytest.mark.parametrize("content", ["a: [", "- 1\n- 2\n", "node:\n  speed: 1\n", "node:\n  ros__parameters: 3\n"])

@@ -1,40 +1,54 @@
 """Children end when they are told to, and leave no shared memory."""
 
 import fcntl
-import signal
+import os
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import pytest
+
 from ride.processes import Process, end_all
 from ride.shared_memory import remove_litter, snapshot
+
+
+@pytest.fixture(autouse=True)
+def _modules(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+
+
+def start(folder: Path, code: str) -> Process:
+    (folder / "pupil.py").write_text(code)
+    return Process("pupil", "pupil", [], folder / "log")
 
 
 def test_a_child_that_ignores_everything_is_killed(tmp_path):
     deaf = "[signal.signal(s, signal.SIG_IGN) for s in (2, 15)]"
     code = f"import signal, time; {deaf}; print('up', flush=True); time.sleep(60)"
-    child = Process("deaf", ["-c", code], tmp_path / "log")
+    child = start(tmp_path, code)
     while "up" not in child.last_words():
         time.sleep(0.05)
     child.ask_to_end()
     started = time.monotonic()
-    child._child.send_signal(signal.SIGTERM)
     end_all([child], patience=0.2)
     assert child.ended and time.monotonic() - started < 10.0
 
 
 def test_a_child_dies_with_its_parent(tmp_path):
     log = tmp_path / "log"
+    (tmp_path / "sleeper.py").write_text("import time; print('up', flush=True); time.sleep(60)")
     code = (
-        "import pathlib, sys, time; from ride.processes import Process;"
-        f"p = Process('c', ['-c', 'import time; time.sleep(60)'], pathlib.Path({str(log)!r}));"
-        "print(p._child.pid, flush=True); time.sleep(60)"
+        "import pathlib, time; from ride.processes import Process;"
+        f"p = Process('c', 'sleeper', [], pathlib.Path({str(log)!r}));"
+        "\nwhile 'up' not in p.last_words(): time.sleep(0.05)\n"
+        "print(p.pid, flush=True); time.sleep(60)"
     )
-    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    command = [sys.executable, "-c", code]
+    parent = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     assert parent.stdout is not None
     pid = int(parent.stdout.readline())
-    time.sleep(0.5)
     parent.kill()
     parent.wait()
     for _ in range(50):
@@ -50,7 +64,7 @@ def test_a_child_dies_with_its_parent(tmp_path):
 
 
 def test_last_words_are_the_last_lines(tmp_path):
-    child = Process("talker", ["-c", "print('a'); print('b'); raise SystemExit(3)"], tmp_path / "log")
+    child = start(tmp_path, "print('a'); print('b'); raise SystemExit(3)")
     assert child.wait(20.0)
     assert child.code == 3
     assert child.last_words(1) == "b"
