@@ -24,6 +24,8 @@ EAGER = 5.0
 """s from the start in which new topics are looked for ten times a second, then once a second."""
 QUIET = 0.3
 """s without a message that end the recording once it was asked to end."""
+LOOK = 0.05
+"""s between two looks at signals, clock and graph; messages are taken as they come."""
 DRAIN = 2.0
 """s after which the recording ends although messages still come."""
 
@@ -227,7 +229,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Namespace, asked: list[int]) -> None:
-    executor = _executor()
+    from rclpy.task import Future
+
+    from phil_node.executor import events_executor
+
+    never = Future()
+    executor = events_executor()
     executor.add_node(node)
     gc.collect()
     gc.freeze()
@@ -239,7 +246,7 @@ def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Name
     waiting = options.ready_file is not None
     show = sys.stdout.isatty()
     while not asked and sink.error is None:
-        executor.spin_once(timeout_sec=0.05)
+        executor.spin_until_future_complete(never, timeout_sec=LOOK)
         now = monotonic()
         hurry = waiting or now - began < EAGER
         if not recorder.complete and now - looked >= (0.1 if hurry else 1.0):
@@ -263,27 +270,19 @@ def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Name
 
 def _drain(executor: Any, sink: Any, asked: list[int]) -> None:
     """Take what is still on its way: the recorder is often asked to end together with the nodes."""
+    from rclpy.task import Future
+
+    never = Future()
     deadline = monotonic() + DRAIN
     quiet_since, count = monotonic(), sink.received
     # A second signal ends it at once.
     while len(asked) < 2 and sink.error is None:
-        executor.spin_once(timeout_sec=0.05)
+        executor.spin_until_future_complete(never, timeout_sec=LOOK)
         now = monotonic()
         if sink.received != count:
             quiet_since, count = now, sink.received
         if now - quiet_since >= QUIET or now >= deadline:
             break
-
-
-def _executor() -> Any:
-    """Give the events executor (half the processor time of the other one), or the other one where it is missing."""
-    try:
-        from rclpy.experimental import EventsExecutor
-    except ImportError:
-        from rclpy.executors import SingleThreadedExecutor
-
-        return SingleThreadedExecutor()
-    return EventsExecutor()
 
 
 if __name__ == "__main__":
