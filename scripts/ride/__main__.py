@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from phil_node.parameters import ParameterError
+from ride.folder import clear
 from ride.options import Options, parse
 from ride.settings import Settings, resolve, write
 
@@ -24,10 +25,10 @@ def main() -> int:
     except ParameterError as error:
         errors.print(str(error))
         return WRONG
-    if (options.out / "params.yaml").exists() and not options.overwrite:
-        errors.print(f"{options.out} already holds a ride: choose another --out, or --overwrite")
-        return WRONG
     try:
+        if not clear(options.out, options.overwrite):
+            errors.print(f"{options.out} already holds a ride: choose another --out, or --overwrite")
+            return WRONG
         options.out.mkdir(parents=True, exist_ok=True)
         write(settings, options.out / "params.yaml")
     except OSError as error:
@@ -45,7 +46,7 @@ def _ride_and_report(options: Options, settings: Settings, console: Console, err
     train, rig = settings["catenary_model"], settings["test_rig_sim"]
     what = f"{train['speed_kmh']:g} km/h, pantograph {rig['pantograph']}, {rig['mode']}, seed {rig['seed']}"
     console.print(f"{what} -> {options.out}", highlight=False, soft_wrap=True)
-    ride = Ride(settings, options.out, options.bag, console)
+    ride = Ride(settings, options, console)
     code = OK
     try:
         ride.run()
@@ -55,10 +56,10 @@ def _ride_and_report(options: Options, settings: Settings, console: Console, err
         code = FAILED
     except RideInterrupt:
         code = INTERRUPTED
-    if options.report and ride.bag_path.exists():
+    if options.report and ride.bag_path.exists() and ride.watch is not None and ride.watch.cycle >= 0:
         verdict = _report(ride.bag_path, options.out, console, errors)
         code = code or verdict
-    elif ride.watch is not None:
+    elif ride.watch is not None and ride.watch.cycle >= 0:
         console.print(live_summary(ride.watch, ride.seconds))
     return code
 
@@ -77,4 +78,9 @@ def _report(bag: Path, out: Path, console: Console, errors: Console) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        # Before the first node is started, or after the last one has ended: nothing is left running.
+        print("interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)

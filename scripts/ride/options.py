@@ -11,6 +11,8 @@ from typing import Any
 
 import yaml
 
+from phil_node.parameters import parse as parse_yaml
+
 ROOT = Path(__file__).resolve().parents[2]
 
 SHORTCUTS = {
@@ -33,6 +35,7 @@ class Options:
     bag: bool
     report: bool
     overwrite: bool
+    ordinary_scheduling: bool
 
 
 def parse(argv: Sequence[str] | None = None) -> Options:
@@ -56,6 +59,11 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     add("--overwrite", action="store_true", help="replace a ride that is already in DIR")
     add("--no-bag", action="store_true", help="record nothing: no report either, only the monitor's last figures")
     add("--no-report", action="store_true", help="record, but make no report (scripts/analyze.sh makes it later)")
+    add(
+        "--ordinary-scheduling",
+        action="store_true",
+        help="do not ask for real-time scheduling (SCHED_FIFO), which is used where the system allows it",
+    )
     given = parser.parse_args(argv)
 
     overrides: dict[str, dict[str, Any]] = {}
@@ -64,17 +72,21 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         node, dot, key = target.partition(".")
         if not (separator and dot and node and key):
             parser.error(f"--set {entry}: the form is NODE.KEY=VALUE")
-        overrides.setdefault(node, {})[key] = yaml.safe_load(text)
+        try:
+            overrides.setdefault(node, {})[key] = parse_yaml(text)
+        except yaml.YAMLError:
+            parser.error(f"--set {entry}: '{text}' is no YAML value")
     for option, (node, key) in SHORTCUTS.items():
         value = getattr(given, option)
         if value is not None:
             overrides.setdefault(node, {})[key] = value
     out = given.out or ROOT / "rides" / f"{datetime.now():%Y%m%d-%H%M%S}"
     return Options(
-        out=out.resolve(),
+        out=out.absolute(),
         params=given.params,
         overrides=overrides,
         bag=not given.no_bag,
         report=not (given.no_bag or given.no_report),
         overwrite=given.overwrite,
+        ordinary_scheduling=given.ordinary_scheduling,
     )

@@ -27,24 +27,24 @@ def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]]) -> 
         One line for each node or parameter that is unknown, of a wrong type or out of range.
     """
     from_file = read_file(params) if params else {}
-    problems = [
-        f"{params}: there is no node '{name}' (nodes: {', '.join(NODES)})"
-        for name in from_file
-        if name not in NODES and "*" not in name
-    ]
-    strangers = [name for name in overrides if name not in NODES]
-    problems += [f"--set: there is no node '{name}' (nodes: {', '.join(NODES)})" for name in strangers]
-    shared = {key: value for name, values in from_file.items() if "*" in name for key, value in values.items()}
+    wanted = {name: _nodes_of(name) for name in from_file}
+    listed = ", ".join(NODES)
+    problems = [f"{params}: there is no node '{name}' (nodes: {listed})" for name, nodes in wanted.items() if not nodes]
+    problems += [f"--set: there is no node '{name}' (nodes: {listed})" for name in overrides if name not in NODES]
     models = {name: _model(name) for name in NODES}
     known = {name: {info.name for info in infos(model)} for name, model in models.items()}
-    for key in shared:
-        if not any(key in names for names in known.values()) and key != "use_sim_time":
-            problems.append(f"{params}: no node has a parameter '{key}'")
+    for pattern, nodes in wanted.items():
+        for key in from_file[pattern]:
+            if len(nodes) > 1 and key != "use_sim_time" and not any(key in known[name] for name in nodes):
+                problems.append(f"{params}: no node has a parameter '{key}'")
     settings = {}
     for name in NODES:
         values = defaults(name)
-        values |= {key: value for key, value in shared.items() if key in known[name]}
-        values |= from_file.get(name, {})
+        for pattern, nodes in wanted.items():
+            # What is said for many nodes reaches those that know it; what is said for one has to be known.
+            given = from_file[pattern]
+            if name in nodes:
+                values |= {key: value for key, value in given.items() if len(nodes) == 1 or key in known[name]}
         values |= overrides.get(name, {})
         try:
             settings[name] = values_of(build(models[name], values, name))
@@ -54,6 +54,12 @@ def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]]) -> 
         raise ParameterError("\n".join(problems))
     _check_together(settings)
     return settings
+
+
+def _nodes_of(pattern: str) -> tuple[str, ...]:
+    """Give the nodes that an entry of a parameter file is for: a name, a name behind a namespace, or a wildcard."""
+    last = pattern.strip("/").split("/")[-1]
+    return NODES if last in ("*", "**") else tuple(name for name in NODES if name == last)
 
 
 def write(settings: Mapping[str, Mapping[str, Any]], path: Path) -> None:

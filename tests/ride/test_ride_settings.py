@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from phil_node.parameters import ParameterError
+from ride.folder import clear
 from ride.options import parse
 from ride.settings import NODES, resolve, write
 
@@ -28,6 +29,13 @@ def test_options_win_over_the_file_and_the_file_over_defaults(tmp_path):
 def test_wildcards_reach_every_node_that_has_the_parameter(tmp_path):
     settings = resolve(file(tmp_path, {"/**": {"ros__parameters": {"cycle_time": 0.004}}}), {})
     assert {values["cycle_time"] for values in settings.values()} == {0.004}
+
+
+def test_a_wildcard_before_a_name_is_for_that_node_only(tmp_path):
+    settings = resolve(file(tmp_path, {"/**/test_rig_sim": {"ros__parameters": {"seed": 11}}}), {})
+    assert settings["test_rig_sim"]["seed"] == 11
+    with pytest.raises(ParameterError, match=r"speed_kmh.*unknown"):
+        resolve(file(tmp_path, {"/**/test_rig_sim": {"ros__parameters": {"speed_kmh": 11.0}}}), {})
 
 
 def test_different_cycle_times_are_refused():
@@ -65,12 +73,31 @@ def test_shortcuts_are_parameters():
     }
 
 
-@pytest.mark.parametrize("argument", ["nonsense", "catenary_model=3", ".x=1"])
-def test_a_malformed_set_ends_with_code_2(argument, capsys):
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("nonsense", "NODE.KEY=VALUE"),
+        ("catenary_model=3", "NODE.KEY=VALUE"),
+        (".x=1", "NODE.KEY=VALUE"),
+        ("a.b=[1", "YAML"),
+    ],
+)
+def test_a_malformed_set_ends_with_code_2(argument, words, capsys):
     with pytest.raises(SystemExit) as caught:
         parse(["--set", argument])
     assert caught.value.code == 2
-    assert "NODE.KEY=VALUE" in capsys.readouterr().err
+    assert words in capsys.readouterr().err
+
+
+def test_only_what_a_ride_left_is_replaced_and_only_when_asked(tmp_path):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "data.mcap").write_text("x")
+    (tmp_path / "notes.txt").write_text("mine")
+    assert not clear(tmp_path, overwrite=False)
+    assert (tmp_path / "bag" / "data.mcap").exists()
+    assert clear(tmp_path, overwrite=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    assert clear(tmp_path, overwrite=False)
 
 
 def test_wrong_parameters_stop_the_command_with_one_line(tmp_path):
