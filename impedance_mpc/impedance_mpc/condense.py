@@ -5,11 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impedance_mpc.plant import Array, DesignPlant
 
 MILLIMETRE = 1e-3
 """m: the program counts the reference in mm and the correction force in N, so that both are of order 1 to 100."""
+
+
+POSITION, VELOCITY, LEAD = 0, 1, 2
+"""What a constraint row bounds."""
 
 
 @dataclass(frozen=True)
@@ -151,10 +156,13 @@ class Layout:
 class Program:
     """The program min 1/2 z' H z + (G p)' z, z = [u_tr in mm (Nc), F_cor in N (Nc)], and rows on the drive.
 
+    The rows bound the drive's position, its velocity, and its acceleration, the latter as the lead u - w - 2 zeta v /
+    omega of the reference, which is the acceleration over omega^2.
+
     ``hessian`` H (2 Nc, 2 Nc); ``gradient_t`` is G' (size of p, 2 Nc), transposed so that the sum over p runs along
-    contiguous columns. ``rows`` (m, 2 Nc) gives the part of the drive's predicted positions (mm) and velocities (mm/s)
-    that the moves make, ``row_rig`` (m, 2) the part of x_tr (m, m/s), and ``row_step`` (m,) the part of a reference of
-    1 mm that is held: the row for the plan "stop here". ``is_velocity`` (m,) marks the velocity rows.
+    contiguous columns. ``rows`` (m, 2 Nc) gives the part of the drive's predicted positions (mm), velocities (mm/s)
+    and leads (mm) that the moves make, ``row_rig`` (m, 2) the part of x_tr (m, m/s), and ``row_step`` (m,) the part of a reference of
+    1 mm that is held: the row for the plan "stop here". ``kind`` (m,) is POSITION, VELOCITY or LEAD.
     """
 
     hessian: Array
@@ -162,7 +170,7 @@ class Program:
     rows: Array
     row_rig: Array
     row_step: Array
-    is_velocity: Array
+    kind: NDArray[np.int64]
     layout: Layout
     control_horizon: int
 
@@ -172,8 +180,10 @@ def _difference(n_c: int) -> Array:
     return np.eye(n_c) - np.eye(n_c, k=-1)
 
 
-def program(plant: DesignPlant, prediction: Prediction, weights: Weights, n_c: int, stride: int) -> Program:
+def program(plant: DesignPlant, prediction: Prediction, weights: Weights, n_c: int, stride: int, lead_time: float) -> Program:
     """Form Hessian, gradient map and constraint rows of the cost (3.55); ``stride`` thins the constraint rows.
+
+    ``lead_time`` is 2 zeta / omega of the rig in s.
 
     The first ``stride`` instants all have rows: the next commands are decided there. After them a PT2 that follows a
     limited reference cannot do much between two rows ``stride`` cycles apart.
@@ -205,16 +215,35 @@ def program(plant: DesignPlant, prediction: Prediction, weights: Weights, n_c: i
     gradient[n_c, layout.force + 5] -= 2.0 * weights.correction_rate
 
     chosen = np.union1d(np.arange(min(stride, n_p)), np.arange(0, n_p, stride))
-    index = np.concatenate([chosen, n_p + chosen])
-    rows = np.zeros((index.size, 2 * n_c))
-    rows[:, :n_c] = prediction.drive_gamma[index]  # m per m: the same number in mm per mm
+    position, velocity = chosen, n_p + chosen
+    lead, lead_rig = _leads(prediction, chosen, n_c, lead_time)
+    drive = np.concatenate([prediction.drive_gamma[position], prediction.drive_gamma[velocity], lead])
+    rows = np.zeros((drive.shape[0], 2 * n_c))
+    rows[:, :n_c] = drive  # m per m: the same number in mm per mm
+    row_rig = np.concatenate([prediction.drive_phi[position], prediction.drive_phi[velocity], lead_rig])
     return Program(
         hessian=hessian,
         gradient_t=np.ascontiguousarray(gradient.T),
         rows=rows,
-        row_rig=prediction.drive_phi[index] / MILLIMETRE,
+        row_rig=row_rig / MILLIMETRE,
         row_step=rows.sum(axis=1),
-        is_velocity=np.repeat([0.0, 1.0], chosen.size),
+        kind=np.repeat([POSITION, VELOCITY, LEAD], [chosen.size, chosen.size, lead.shape[0]]),
         layout=layout,
         control_horizon=n_c,
     )
+
+
+def _leads(prediction: Prediction, chosen: Array, n_c: int, lead_time: float) -> tuple[Array, Array]:
+    """Give the rows of u - w - lead_time v, in m, at t_k and at the chosen instants: of the moves, and of x_tr.
+
+    With lead_time = 2 zeta / omega this is the acceleration of the PT2 over omega^2.
+    """
+    n_p = prediction.drive_phi.shape[0] // 2
+    moves, rig = np.zeros((1 + chosen.size, n_c)), np.zeros((1 + chosen.size, 2))
+    moves[0, 0] = 1.0
+    rig[0] = [-1.0, -lead_time]
+    for row, i in enumerate(chosen, start=1):
+        moves[row] = -prediction.drive_gamma[i] - lead_time * prediction.drive_gamma[n_p + i]
+        moves[row, min(i + 1, n_c - 1)] += 1.0
+        rig[row] = -prediction.drive_phi[i] - lead_time * prediction.drive_phi[n_p + i]
+    return moves, rig

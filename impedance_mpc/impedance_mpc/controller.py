@@ -106,7 +106,9 @@ class ImpedanceController:
         plant = design_plant(pt2_rig(config.rig_natural_frequency_hz, config.rig_damping_ratio, ts), model)
         weights = Weights(**config.weights.model_dump())
         prediction = predict(plant, config.prediction_horizon, n_c)
-        self.program = program(plant, prediction, weights, n_c, config.constraint_stride)
+        omega = 2.0 * math.pi * config.rig_natural_frequency_hz
+        self._lead = 2.0 * config.rig_damping_ratio / omega  # s
+        self.program = program(plant, prediction, weights, n_c, config.constraint_stride, self._lead)
         self.qp = QuadraticProgram(
             self.program.hessian, self.program.rows, config.qp_tolerance, config.qp_max_iterations
         )
@@ -114,17 +116,15 @@ class ImpedanceController:
         self.result = Command()
         self._ts, self._n_c, self._n = ts, n_c, model.n
         self._minimum, self._maximum = config.position_minimum / MILLIMETRE, config.position_maximum / MILLIMETRE
-        is_velocity = self.program.is_velocity > 0.5
-        speed = config.velocity_limit / MILLIMETRE
-        self._limit_lower: Array = np.where(is_velocity, -speed, self._minimum)
-        self._limit_upper: Array = np.where(is_velocity, speed, self._maximum)
+        speed, lead = config.velocity_limit / MILLIMETRE, config.acceleration_limit / omega**2 / MILLIMETRE
+        self._limit_lower: Array = np.array([self._minimum, -speed, -lead])[self.program.kind]
+        self._limit_upper: Array = np.array([self._maximum, speed, lead])[self.program.kind]
         self._p = np.zeros(self.program.layout.size)
         self._g = np.zeros(2 * n_c)
         self._lower, self._upper = self._limit_lower.copy(), self._limit_upper.copy()
         self._box_lower = np.full(2 * n_c, self._minimum)
         self._box_upper = np.full(2 * n_c, self._maximum)
         self._plan = np.zeros(2 * n_c)  # mm, N
-        self._lead = config.rig_damping_ratio / (math.pi * config.rig_natural_frequency_hz)  # s, 2 zeta / omega
         self.reset()
 
     def reset(self) -> None:

@@ -35,6 +35,9 @@ class Parameters(Group):
     position_minimum: float = parameter("Lowest reference and position of the drive", unit="m", low=-5.0, high=5.0)
     position_maximum: float = parameter("Highest reference and position of the drive", unit="m", low=-5.0, high=5.0)
     velocity_limit: float = parameter("Largest speed of the drive", unit="m/s", low=0.01, high=50.0)
+    acceleration_limit: float = parameter(
+        "Largest acceleration of the drive: what its current limit leaves", unit="m/s^2", low=0.1, high=10000.0
+    )
     constraint_stride: int = parameter("Cycles from one constraint on the drive to the next", unit="1", low=1, high=50)
     approach_time: float = parameter(
         "Time in which the drive goes to the wire's height at the start", unit="s", low=0.0, high=60.0

@@ -1,5 +1,7 @@
 """One cycle of the controller: optimum, constraints, fallback, determinism."""
 
+import itertools
+
 import numpy as np
 import pytest
 from impedance_loop import MassSpringDamper, MovingString, ride
@@ -38,6 +40,7 @@ def test_without_active_constraints_the_plan_is_the_least_squares_solution():
         position_minimum=-5.0,
         position_maximum=5.0,
         velocity_limit=50.0,
+        acceleration_limit=10000.0,
         qp_tolerance=1e-9,
         weights__momentum=0.1,
     )
@@ -75,6 +78,22 @@ def test_reference_stays_inside_the_box_and_reaches_it():
     u, _ = c.plan
     assert u.max() == 0.03
     assert u.min() >= -0.02
+
+
+@pytest.mark.parametrize("acceleration", [20.0, 120.0])
+def test_the_drive_is_not_asked_for_more_acceleration_than_it_has(acceleration):
+    """A jump of the wire by 50 mm: the lead u - w - 2 zeta v / omega, times omega^2, stays at the limit to 0.1 %."""
+    c = mass_controller(acceleration_limit=acceleration, constraint_stride=1, correction=False)
+    call(c, w_tr=0.0, f_tr=120.0, w_cat=0.05)
+    u, _ = c.plan
+    cfg = c.config
+    omega = 2.0 * np.pi * cfg.rig_natural_frequency_hz
+    rig = pt2_rig(cfg.rig_natural_frequency_hz, cfg.rig_damping_ratio, cfg.cycle_time)
+    x, found = np.zeros(2), []
+    for now, following in itertools.pairwise(u):
+        found.append(omega**2 * (now - x[0]) - 2.0 * cfg.rig_damping_ratio * omega * x[1])
+        x = rig.a @ x + rig.b0 * now + rig.b1 * following
+    assert np.abs(found).max() == pytest.approx(acceleration, rel=1e-3)
 
 
 def test_predicted_velocity_keeps_its_limit():

@@ -162,6 +162,9 @@ def test_reset_starts_at_cycle_zero_and_correction_is_switched_by_service(bench)
     cycle(2, 3)
     assert bench.commands[-1].correction == ImpedanceCommand.CORRECTION_OFF
     assert ask(bench, SetBool, "impedance_mpc/set_correction", SetBool.Request(data=True)).success
+    refused = ask(bench, Trigger, "impedance_mpc/reset", Trigger.Request())
+    assert not refused.success and "a ride is going on" in refused.message
+    bench.spin(seconds=1.1)
     assert ask(bench, Trigger, "impedance_mpc/reset", Trigger.Request()).success
     cycle(0, 4)
     assert bench.commands[-1].cycle == 0

@@ -143,7 +143,7 @@ def test_hessian_and_gradient_are_those_of_the_cost():
     plant = design_plant(pt2_rig(40.0, 0.8, TS), random_impedance(n))
     prediction = predict(plant, n_p, n_c)
     w = Weights(2.0, 3e-4, 0.5, 0.07, 0.11, 0.13)
-    found = program(plant, prediction, w, n_c, 3)
+    found = program(plant, prediction, w, n_c, 3, 0.0064)
     rng = np.random.default_rng(5)
     p = rng.normal(size=found.layout.size) * 1e-2
 
