@@ -56,7 +56,7 @@ DROPPERS_3_1 = (5.0, 10.5, 17.0, 23.5, 30.0, 36.5, 43.0, 49.5, 55.0)
 class Line:
     """Endless sequence of equal spans; span s reaches from s L to (s + 1) L, masts stand at its ends.
 
-    Raises ValueError, naming the field, for what cannot be built.
+    Raises ValueError, naming the field as `Config.line` has it, for what cannot be built.
     """
 
     carrier: Wire = CARRIER_3_1
@@ -84,24 +84,24 @@ class Line:
         for name in ("span_length", "dropper_stiffness", "mast_stiffness", "encumbrance"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} = {value} must be finite and above 0")
+                raise ValueError(f"line.{name} = {value} must be finite and above 0")
         for name in ("steady_arm_stiffness", "gravity"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} = {value} must be finite and at least 0")
+                raise ValueError(f"line.{name} = {value} must be finite and at least 0")
         if not math.isfinite(self.pre_sag):
-            raise ValueError(f"pre_sag = {self.pre_sag} must be finite")
+            raise ValueError(f"line.pre_sag = {self.pre_sag} must be finite")
         edges = (0.0, *self.dropper_positions, self.span_length)
         if any(not b > a for a, b in itertools.pairwise(edges)):
             raise ValueError(
-                f"dropper_positions = {list(self.dropper_positions)} must rise strictly between 0 and "
-                f"span_length = {self.span_length}"
+                f"line.dropper_positions = {list(self.dropper_positions)} must rise strictly between 0 and "
+                f"line.span_length = {self.span_length}"
             )
         if self.dropper_lengths is not None:
             if len(self.dropper_lengths) != len(self.dropper_positions):
                 raise ValueError(
-                    f"dropper_lengths has {len(self.dropper_lengths)} values, dropper_positions has "
+                    f"line.dropper_lengths has {len(self.dropper_lengths)} values, line.dropper_positions has "
                     f"{len(self.dropper_positions)}"
                 )
             if any(not (math.isfinite(length) and length > 0.0) for length in self.dropper_lengths):
-                raise ValueError(f"dropper_lengths = {list(self.dropper_lengths)} must be finite and above 0")
+                raise ValueError(f"line.dropper_lengths = {list(self.dropper_lengths)} must be finite and above 0")

@@ -75,9 +75,15 @@ class CatenaryNode(PhilNode[Parameters]):
             return Diagnosis(ERROR, self.sequence.broken, values)
         if not np.isfinite(c.w_cat):
             return Diagnosis(ERROR, "the wire's state is not finite: reset", values)
-        if self._bridged or c.unsettled_steps:
-            return Diagnosis(WARN, "commands were missing or the slack state did not settle", values)
-        return Diagnosis(OK, "active", values)
+        found = []
+        if self._bridged:
+            found.append(f"{self._bridged} missing commands bridged with the last force")
+        if self.timing.refused:
+            longest = self.sequence.longest
+            found.append(f"{self.timing.refused} commands refused (force not finite, or over {longest} cycles ahead)")
+        if c.unsettled_steps:
+            found.append(f"the slack state did not settle in {c.unsettled_steps} cycles")
+        return Diagnosis(WARN, "; ".join(found), values) if found else Diagnosis(OK, "active", values)
 
     def _on_command(self, command: ImpedanceCommand) -> None:
         self.timing.begin()

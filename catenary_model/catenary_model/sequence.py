@@ -16,13 +16,16 @@ class Verdict(enum.Enum):
     STALE = "stale"
     """A cycle that is over: ignored, counted."""
     REFUSED = "refused"
-    """Force is not a finite number: ignored, counted."""
+    """Force is not a finite number, or a stray that is too far ahead: ignored, counted."""
     BROKEN = "broken"
-    """A gap that is too long to bridge, now or before: ignored until `reset`."""
+    """The commands have gone on behind a gap that is too long to bridge, now or before: ignored until `reset`."""
 
 
 class Sequence:
-    """Order of the commands. Cycles missing in between are bridged with the last force, up to `longest` in a row."""
+    """Order of the commands. Cycles missing in between are bridged with the last force, up to `longest` in a row.
+
+    A command that is further ahead is a stray, unless the very next one is its successor: then the gap is real.
+    """
 
     def __init__(self, longest: int) -> None:
         self.longest = longest
@@ -34,9 +37,11 @@ class Sequence:
         self.last_force = 0.0
         self.missing = 0
         self.broken = ""
+        self._ahead: int | None = None
 
     def judge(self, cycle: int, force: float) -> Verdict:
         """Judge a command; on TAKEN, `missing` is the number of cycles to bridge first, with `last_force`."""
+        ahead, self._ahead = self._ahead, None
         if cycle < self.expected:
             return Verdict.REPEATED if cycle == self.expected - 1 else Verdict.STALE
         if not math.isfinite(force):
@@ -45,7 +50,13 @@ class Sequence:
             return Verdict.BROKEN
         gap = cycle - self.expected
         if gap > self.longest:
-            self.broken = f"{gap} commands missing before cycle {cycle}, at most {self.longest} can be bridged: reset"
+            if ahead is None or cycle != ahead + 1:
+                self._ahead = cycle
+                return Verdict.REFUSED
+            self.broken = (
+                f"{ahead - self.expected} commands missing before cycle {ahead}, "
+                f"at most {self.longest} can be bridged: reset"
+            )
             return Verdict.BROKEN
         self.missing = gap
         return Verdict.TAKEN

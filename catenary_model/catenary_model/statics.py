@@ -111,8 +111,8 @@ def solve(line: Line) -> Statics:
     if line.gravity > 0.0 and force.min() <= 0.0:
         i = int(force.argmin())
         raise ValueError(
-            f"pre_sag = {line.pre_sag} m would need dropper {i + 1} to push ({force[i]:.1f} N): choose another "
-            "pre_sag or dropper_positions"
+            f"line.pre_sag = {line.pre_sag} m would need dropper {i + 1} to push ({force[i]:.1f} N): choose another "
+            "line.pre_sag or line.dropper_positions"
         )
     carrier_height = _carrier_height(line, force)
     draft = Statics(line, force, force / line.dropper_stiffness, force, contact_height, carrier_height)
@@ -120,7 +120,7 @@ def solve(line: Line) -> Statics:
     length = draft.carrier(at) - draft.contact(at) - force / line.dropper_stiffness
     if length.min() <= 0.0:
         raise ValueError(
-            f"encumbrance = {line.encumbrance} m is too small: dropper {int(length.argmin()) + 1} would be "
+            f"line.encumbrance = {line.encumbrance} m is too small: dropper {int(length.argmin()) + 1} would be "
             f"{length.min():.3f} m long"
         )
     return Statics(line, force, force / line.dropper_stiffness, length, contact_height, carrier_height)
@@ -183,4 +183,4 @@ def _given_lengths(line: Line, length: Array) -> Statics:
         if wrong[worst] <= 1e-12:
             return Statics(line, force, np.where(taut, force / k_d, elongation), length, height, carrier_height)
         taut[worst] = not taut[worst]
-    raise ValueError(f"dropper_lengths = {[float(x) for x in length]} leave no static equilibrium")
+    raise ValueError(f"line.dropper_lengths = {[float(x) for x in length]} leave no static equilibrium")

@@ -31,6 +31,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         super().__init__("impedance_mpc", Parameters)
         self.controller: ImpedanceController
         self.pairs: CyclePairs[RigState, CatenaryState] = CyclePairs()
+        self.unusable = 0
         self.fallbacks_reported = 0
 
     def build(self) -> None:
@@ -71,6 +72,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         """Forget states, plan and books and wait for cycle 0."""
         self.controller.reset()
         self.pairs.clear()
+        self.unusable = 0
         self.fallbacks_reported = 0
 
     def changed(self, names: frozenset[str]) -> None:
@@ -92,11 +94,14 @@ class ImpedanceNode(PhilNode[Parameters]):
         }
         new = result.fallbacks - self.fallbacks_reported
         self.fallbacks_reported = result.fallbacks
+        found = []
         if new > 0:
-            return Diagnosis(WARN, f"solver failed in {new} cycles of the last second, old plan used", values)
+            found.append(f"solver failed in {new} cycles of the last second, old plan used")
         if self.timing.missing > 0:
-            return Diagnosis(WARN, f"{self.timing.missing} cycles never came", values)
-        return Diagnosis(values=values)
+            found.append(f"{self.timing.missing} cycles never came")
+        if self.timing.refused > 0:
+            found.append(f"{self.timing.refused} states refused (not finite, of a wrong size, or too far ahead)")
+        return Diagnosis(WARN, "; ".join(found), values) if found else Diagnosis(values=values)
 
     def _receive_model(self) -> Impedance:
         timeout = self.parameters.model_timeout
@@ -126,14 +131,15 @@ class ImpedanceNode(PhilNode[Parameters]):
     def _take_rig(self, state: RigState) -> None:
         self.timing.begin()
         if not finite(state.w_tr, state.v_tr, state.f_tr, state.reference):
-            self.timing.refused += 1
+            self._refuse()
             return
         arrival = self.pairs.add_rig(state.cycle, state)
+        self.timing.refused = self.unusable + self.pairs.refused
         if arrival is Arrival.NEW:
             self._answer_all()
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
-        elif self.answer.cycle == state.cycle:
+        elif arrival is Arrival.REPEATED and self.answer.cycle == state.cycle:
             self.commands.publish(self.answer)
 
     def _take_catenary(self, state: CatenaryState) -> None:
@@ -147,13 +153,19 @@ class ImpedanceNode(PhilNode[Parameters]):
             and finite_array(state.segment_force, held)
         )
         if not usable:
-            self.timing.refused += 1
+            self._refuse()
             return
         arrival = self.pairs.add_catenary(state.cycle, state)
+        self.timing.refused = self.unusable + self.pairs.refused
         if arrival is Arrival.NEW:
             self._answer_all()
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
+
+    def _refuse(self) -> None:
+        """Count a state whose numbers cannot be used; `timing.refused` has these and the strays."""
+        self.unusable += 1
+        self.timing.refused = self.unusable + self.pairs.refused
 
     def _answer_all(self) -> None:
         while (pair := self.pairs.take()) is not None:

@@ -7,9 +7,10 @@ from typing import Generic, TypeVar
 
 R = TypeVar("R")
 C = TypeVar("C")
+S = TypeVar("S")
 
-BACKLOG = 1024
-"""Cycles that are kept at most when the other side is silent: 2 s at 500 Hz."""
+LONGEST = 1000
+"""Cycles that a state may be ahead of the one that stands next, 2 s at 500 Hz: also bounds what is kept."""
 
 
 class Arrival(Enum):
@@ -18,21 +19,83 @@ class Arrival(Enum):
     NEW = "new"
     REPEATED = "repeated"
     STALE = "stale"
+    AHEAD = "ahead"
+    """Cycles are missing before it: kept aside until the stream goes on from it, or does not."""
+    REFUSED = "refused"
+    """More than `LONGEST` cycles ahead."""
+
+
+class Stream(Generic[S]):
+    """States of one sender, in order; ``refused`` counts strays.
+
+    A sender sends its cycles without a gap. A state that is ahead of the next one is a stray, unless the very next
+    message is its successor: then the stream has gone on there and what lies between is lost. Should a nearer one come
+    all the same, before anybody has used the farther ones, these were strays or are from before a reset.
+    """
+
+    def __init__(self) -> None:
+        self.states: dict[int, S] = {}
+        self.refused = 0
+        self._front = 0
+        self._ahead: tuple[int, S] | None = None
+
+    def clear(self) -> None:
+        """Expect cycle 0."""
+        self.states.clear()
+        self.refused = self._front = 0
+        self._ahead = None
+
+    def add(self, cycle: int, state: S, expected: int) -> Arrival:
+        """Take the state of ``cycle``, when ``expected`` is the oldest cycle that anybody still wants."""
+        if cycle > expected + LONGEST:
+            self.refused += 1
+            return Arrival.REFUSED
+        ahead, self._ahead = self._ahead, None
+        front = max(self._front, expected)
+        follows = ahead is not None and front < cycle == ahead[0] + 1
+        if ahead is not None and follows:
+            self.states[ahead[0]] = ahead[1]
+        elif ahead is not None:
+            self.refused += 1
+        if cycle < expected:
+            return Arrival.REPEATED if cycle == expected - 1 else Arrival.STALE
+        if cycle > front and not follows:
+            self._ahead = (cycle, state)
+            return Arrival.AHEAD
+        if cycle < front and cycle not in self.states:
+            farther = [number for number in self.states if number > cycle]
+            for number in farther:
+                del self.states[number]
+            self.refused += len(farther)
+            front = cycle
+        self.states[cycle] = state
+        self._front = max(front, cycle + 1)
+        return Arrival.NEW
+
+    def drop_until(self, cycle: int) -> None:
+        """Forget the states up to and including ``cycle``."""
+        for number in [number for number in self.states if number <= cycle]:
+            del self.states[number]
 
 
 class CyclePairs(Generic[R, C]):
     """Gives the pairs (k, rig state, catenary state) in order, each cycle once; ``missing`` counts lost rig states.
 
-    Both streams are in order. If the rig skips a cycle, its state never comes, no command is sent for it and so the
-    catenary cannot get beyond the state that stands next: then the newer rig state is paired with that one and the
-    catenary bridges the gap when it gets the command.
+    If the rig skips a cycle, its state never comes, no command is sent for it and so the catenary cannot get beyond
+    the state that stands next: then the newer rig state is paired with that one and the catenary bridges the gap when
+    it gets the command.
     """
 
     def __init__(self) -> None:
         self.next = 0
         self.missing = 0
-        self._rig: dict[int, R] = {}
-        self._catenary: dict[int, C] = {}
+        self._rig: Stream[R] = Stream()
+        self._catenary: Stream[C] = Stream()
+
+    @property
+    def refused(self) -> int:
+        """States that were too far ahead, or ahead of a stream that did not go on there."""
+        return self._rig.refused + self._catenary.refused
 
     def clear(self) -> None:
         """Wait for cycle 0 again."""
@@ -42,46 +105,28 @@ class CyclePairs(Generic[R, C]):
 
     def add_rig(self, cycle: int, state: R) -> Arrival:
         """Take the rig's state of ``cycle``; REPEATED is the one that was answered last (its command got lost)."""
-        if cycle < self.next:
-            return Arrival.REPEATED if cycle == self.next - 1 else Arrival.STALE
-        if cycle not in self._rig:
-            self._put(self._rig, cycle, state)
-        return Arrival.NEW
+        return self._rig.add(cycle, state, self.next)
 
     def add_catenary(self, cycle: int, state: C) -> Arrival:
         """Take the catenary's state of ``cycle``; a repetition of the last or of a waiting one changes nothing."""
-        if cycle < self.next:
-            return Arrival.REPEATED if cycle == self.next - 1 else Arrival.STALE
-        if cycle not in self._catenary:
-            self._put(self._catenary, cycle, state)
-        return Arrival.NEW
+        return self._catenary.add(cycle, state, self.next)
 
     def take(self) -> tuple[int, R, C] | None:
         """Give the next pair, or None as long as one of the two is to come."""
-        if not self._rig or not self._catenary:
-            return None
-        cycle = min(self._rig)
-        partner = cycle if cycle in self._catenary else None
-        if partner is None and cycle > self.next:
-            older = [number for number in self._catenary if number < cycle]
-            partner = max(older, default=None)
-        if partner is None:
-            if min(self._catenary) <= cycle:
+        rigs, wires = self._rig.states, self._catenary.states
+        while rigs and wires:
+            cycle = min(rigs)
+            partner = cycle if cycle in wires else None
+            if partner is None and cycle > self.next:
+                partner = max((number for number in wires if number < cycle), default=None)
+            if partner is None and min(wires) <= cycle:
                 return None
-            # The catenary is ahead: this cycle can have no partner any more.
-            del self._rig[cycle]
-            self.missing += cycle + 1 - self.next
+            rig = rigs.pop(cycle)
+            # Without a partner the catenary has gone on behind this cycle, which is lost.
+            self.missing += cycle - self.next + (partner is None)
             self.next = cycle + 1
-            return self.take()
-        self.missing += cycle - self.next
-        self.next = cycle + 1
-        rig, catenary = self._rig.pop(cycle), self._catenary[partner]
-        for number in [number for number in self._catenary if number <= cycle]:
-            del self._catenary[number]
-        return cycle, rig, catenary
-
-    @staticmethod
-    def _put(states: dict[int, R] | dict[int, C], cycle: int, state: R | C) -> None:
-        states[cycle] = state  # type: ignore[assignment]
-        if len(states) > BACKLOG:
-            del states[min(states)]
+            if partner is not None:
+                catenary = wires[partner]
+                self._catenary.drop_until(cycle)
+                return cycle, rig, catenary
+        return None

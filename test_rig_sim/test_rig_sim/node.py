@@ -17,7 +17,8 @@ from test_rig_sim.rig import Rig
 from test_rig_sim.supervisor import Limits, Mode, Ramp, Supervisor
 
 REPEAT_AFTER = 0.25  # s without an answer after which the last state is published again
-LISTENERS_STABLE = 0.3  # s for which the listeners have to be there before cycle 0
+LISTENERS_STABLE = 0.5  # s for which the listeners have to be there before cycle 0
+LISTENERS_UNMATCHED = 5.0  # s for which one that cannot be matched is waited for
 MEMORY = 64  # cycles back for which the time of publication is kept
 PATIENCE = 0.9  # share of a cycle that a command has at least, from the publication of its state
 EARLY = 0.05  # share of a cycle by which a tick may come early (rounding of the timer)
@@ -103,7 +104,7 @@ class RigNode(PhilNode[Parameters]):
         self._newest = -1
         self._published_at = [0.0] * MEMORY
         self._asked_at = 0.0
-        self._listeners = -1
+        self._listeners = (0, 0)  # matched, known to the graph
         self._listeners_since = time.monotonic()
 
     # The cycle -------------------------------------------------------------------------------------------------
@@ -146,7 +147,7 @@ class RigNode(PhilNode[Parameters]):
         else:
             if not self._answered and supervisor.moving:
                 self.timing.late += 1
-            ramp = supervisor.bridge()
+            ramp = supervisor.bridge(refused=self._answered)
         rig = self._rig
         rig.advance(ramp.start, ramp.end)
         self._shown_mode = supervisor.mode
@@ -242,10 +243,13 @@ class RigNode(PhilNode[Parameters]):
         """Begin when the listeners are there; publish again, or move on alone, when nobody answers."""
         now = time.monotonic()
         if self._phase == WAITING:
-            listeners = self._state_out.get_subscription_count()
-            if listeners != self._listeners or listeners < self.parameters.wait_for_subscribers:
-                self._listeners, self._listeners_since = listeners, now
-            elif now - self._listeners_since >= LISTENERS_STABLE:
+            # A listener that the graph knows but that is not matched yet would miss cycle 0. One that never matches (its
+            # QoS asks for more than is offered) does not hold up the ride for ever.
+            listeners, known = self._state_out.get_subscription_count(), self._known_listeners()
+            quiet = now - self._listeners_since
+            if (listeners, known) != self._listeners or listeners < self.parameters.wait_for_subscribers:
+                self._listeners, self._listeners_since = (listeners, known), now
+            elif quiet >= (LISTENERS_STABLE if listeners == known else LISTENERS_UNMATCHED):
                 self._phase = ASKING
                 self._publish()
         elif self._phase == ASKING and now - self._asked_at >= REPEAT_AFTER:
@@ -257,6 +261,9 @@ class RigNode(PhilNode[Parameters]):
                 self._asked_at = now
                 self._state_out.publish(self._message)
 
+    def _known_listeners(self) -> int:
+        return int(self.count_subscribers(self._state_out.topic_name))
+
     # Operator --------------------------------------------------------------------------------------------------
 
     def _serve_emergency_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -267,7 +274,10 @@ class RigNode(PhilNode[Parameters]):
         if self._phase == WAITING:
             self._end()
         response.success = True
-        response.message = f"drive goes to its safe position and rests there ({self._supervisor.reason})"
+        reason = self._supervisor.reason
+        response.message = (
+            f"drive goes to its safe position and rests there ({reason})" if reason else "the ride is over, drive rests"
+        )
         return response
 
     def diagnose(self) -> Diagnosis:
@@ -279,10 +289,13 @@ class RigNode(PhilNode[Parameters]):
             found.level, found.message = ERROR, f"{mode}: {supervisor.reason}"
         elif self.timing.late or self.timing.refused or self._skipped_ticks:
             found.level = WARN
+            counts = f"{self.timing.late} commands late, {self.timing.refused} refused"
+            found.message = f"{found.message}: {counts}, {self._skipped_ticks} ticks skipped"
         found.values = {
             "mode": mode,
             "reason": supervisor.reason,
             "cycle": str(self._cycle),
+            "listeners": "{} matched of {}".format(*self._listeners),
             "late ticks": str(self._late_ticks),
             "skipped ticks": str(self._skipped_ticks),
             "contact force N": f"{self._message.f_tr:.1f}",

@@ -85,7 +85,9 @@ class Parameters(Group):
     inner_steps: int = parameter("Inner control steps a cycle", low=1, high=1000)
     substeps: int = parameter("Integration steps an inner step", low=1, high=100)
     catch_up: int = parameter("Most cycles made up at once after a late tick (realtime)", low=1, high=100)
-    late_limit: int = parameter("Successive late commands after which the rig retracts", low=1, high=100000)
+    late_limit: int = parameter(
+        "Successive cycles without a usable command after which the rig retracts", low=1, high=100000
+    )
     view_decimation: int = parameter("Cycles from one viewing message to the next", low=1, high=10000)
     pantograph: str = parameter("Kind of pantograph", choices=tuple(PANTOGRAPHS))
     uplift_force: float = parameter(

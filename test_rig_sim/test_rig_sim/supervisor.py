@@ -28,7 +28,7 @@ class Mode(IntEnum):
 class Limits(NamedTuple):
     """When commands are refused and when the rig retracts."""
 
-    late_limit: int  # 1, successive cycles without a command
+    late_limit: int  # 1, successive cycles without a usable command
     position: float  # m, largest reference of either sign
     reference_step: float  # m, largest change of the reference within a cycle
     trip_position: float  # m
@@ -53,7 +53,8 @@ class Supervisor:
         self._period = period
         self.mode = Mode.HOLD
         self.reason = ""
-        self.late_in_a_row = 0
+        self.unusable_in_a_row = 0
+        self._refused_in_a_row = 0
         self._reference = 0.0
         self._speed = 0.0
         self._prediction: float | None = None
@@ -77,7 +78,7 @@ class Supervisor:
         if not self.moving:
             return self._go_on()
         self.mode = Mode.TRACKING
-        self.late_in_a_row = 0
+        self.unusable_in_a_row = self._refused_in_a_row = 0
         self._prediction = None
         self._speed = (u_tr_next - u_tr) / self._period
         self._reference = u_tr_next
@@ -87,22 +88,27 @@ class Supervisor:
         """Take the prediction (m) of a command that came too late for its own cycle: the next bridge's goal."""
         self._prediction = u_tr_next
 
-    def bridge(self) -> Ramp:
-        """Return the reference of a cycle without a command: to the newest prediction, then hold, then retract.
+    def bridge(self, refused: bool = False) -> Ramp:
+        """Return the reference of a cycle without a usable command: to the newest prediction, hold, then retract.
+
+        The command was late, or it came in time and was refused, which only the retract's reason tells apart.
 
         The command of the cycle before, if it came in time, already ended at its prediction u_tr(k+1): the
         reference then stays there. If it came late, the reference goes to what it predicts.
         """
         if not self.moving:
             return self._go_on()
-        self.late_in_a_row += 1
-        if self.late_in_a_row >= self._limits.late_limit:
-            self.retract(f"{self.late_in_a_row} successive cycles without a command")
+        self.unusable_in_a_row += 1
+        self._refused_in_a_row += refused
+        count, refusals = self.unusable_in_a_row, self._refused_in_a_row
+        if count >= self._limits.late_limit:
+            counts = f"{count - refusals} late, {refusals} refused"
+            self.retract(f"{count} successive cycles without a usable command ({counts})")
             return self._go_on()
         start = self._reference
         if self._prediction is not None:
             self._reference = self._prediction
-        elif self.late_in_a_row > 1:
+        elif self.unusable_in_a_row > 1:
             self.mode = Mode.HOLDING
             self._speed = 0.0
             return Ramp(start, start)

@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger  # noqa: E402
 
 from catenary_model.model import Catenary  # noqa: E402
 from catenary_model.node import CatenaryNode  # noqa: E402
+from phil_node.base import QUIET  # noqa: E402
 from phil_node.qos import CYCLE, LATCHED, VIEW  # noqa: E402
 
 TS_NS = 2_000_000
@@ -133,14 +134,27 @@ def test_gaps_duplicates_nonsense_and_reset(partner: Partner) -> None:
     partner.spin(0.6)  # no command: the last state comes again
     assert partner.cycles[6:].count(6) >= 2
 
-    partner.command(500, 1.0)  # too far ahead to be bridged
-    partner.spin(0.1)
-    assert partner.states[-1].cycle == 6
-    assert partner.node.diagnose().level == b"\x02"
+    partner.command(500, 1.0)  # too far ahead to be bridged: a stray
+    partner.until(lambda: timing.refused == 2)
+    found = partner.node.diagnose()
+    assert found.level == b"\x01"
+    assert "3 missing commands bridged" in found.message
+    assert "2 commands refused" in found.message
     partner.command(6, 1.0)
-    partner.spin(0.1)
-    assert partner.states[-1].cycle == 6
+    partner.until(lambda: partner.states[-1].cycle == 7)
 
+    partner.command(500, 1.0)
+    partner.command(501, 1.0)  # the commands go on there: the gap is real
+    partner.until(lambda: timing.refused == 4)
+    assert partner.states[-1].cycle == 7
+    found = partner.node.diagnose()
+    assert found.level == b"\x02"
+    assert found.message.startswith("493 commands missing before cycle 500")
+    partner.command(7, 1.0)
+    partner.spin(0.1)
+    assert partner.states[-1].cycle == 7
+
+    partner.spin(QUIET)  # the base takes no reset before
     answer = partner.reset.call_async(Trigger.Request())
     partner.until(answer.done)
     assert answer.result().success

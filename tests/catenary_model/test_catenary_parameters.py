@@ -35,12 +35,16 @@ def test_given_lengths_reach_the_line() -> None:
         ({"spans": 1}, "spans"),
         ({"spans": 2.5}, "spans"),
         ({"fading_length": 130.0}, "fading_length"),
-        ({"line__dropper_positions": [5.0, 4.0]}, "dropper_positions"),
-        ({"line__dropper_lengths": [1.0, 1.0]}, "dropper_lengths"),
+        ({"line__dropper_positions": [5.0, 4.0]}, r"^line\.dropper_positions.* line\.span_length"),
+        ({"line__dropper_positions": []}, r"line\.dropper_positions"),
+        ({"line__dropper_lengths": [1.0, 1.0]}, r"^line\.dropper_lengths.* line\.dropper_positions"),
+        ({"line__dropper_lengths": [0.0] * 9}, r"^line\.dropper_lengths"),
+        ({"line__dropper_lengths": []}, r"line\.dropper_lengths"),
         ({"contact_wire__tension": -1.0}, "contact_wire.tension"),
         ({"no_such_key": 1.0}, "no_such_key"),
     ],
 )
 def test_bad_parameters_are_named(changes: dict[str, Any], names: str) -> None:
-    with pytest.raises(ParameterError, match=names):
+    with pytest.raises(ParameterError, match=names) as refused:
         build(Parameters, with_changes(**changes))
+    assert "\n" not in str(refused.value)

@@ -2,6 +2,8 @@
 
 import math
 
+import pytest
+
 from catenary_model.sequence import Sequence, Verdict
 
 
@@ -43,8 +45,25 @@ def test_gap_is_bridged_with_the_last_force() -> None:
 
 def test_a_gap_too_long_breaks_until_reset() -> None:
     sequence = after(0, 1, longest=3)
-    assert sequence.judge(6, 7.0) is Verdict.BROKEN
-    assert "before cycle 6" in sequence.broken
+    assert sequence.judge(6, 7.0) is Verdict.REFUSED
+    assert not sequence.broken
+    assert sequence.judge(7, 7.0) is Verdict.BROKEN  # the commands have gone on there
+    assert sequence.broken.startswith("4 commands missing before cycle 6, at most 3")
     assert sequence.judge(2, 7.0) is Verdict.BROKEN
     sequence.reset()
     assert sequence.judge(0, 7.0) is Verdict.TAKEN
+
+
+@pytest.mark.parametrize("stray", [6, 1000, 10**9, 2**64 - 1])
+def test_a_stray_that_is_too_far_ahead_does_not_break(stray: int) -> None:
+    sequence = after(0, 1, longest=3)
+    for _ in range(3):
+        assert sequence.judge(stray, 7.0) is Verdict.REFUSED
+    assert sequence.judge(1, 7.0) is Verdict.REPEATED
+    assert sequence.judge(stray + 1, 7.0) is Verdict.REFUSED  # the stream was elsewhere in between
+    assert sequence.judge(2, 7.0) is Verdict.TAKEN
+    assert (sequence.missing, sequence.broken) == (0, "")
+    # a stray of before a reset does not make the next one a successor
+    sequence.judge(stray, 7.0)
+    sequence.reset()
+    assert sequence.judge(stray + 1, 7.0) is Verdict.REFUSED

@@ -141,6 +141,7 @@ def test_bad_numbers_are_refused_and_a_gap_is_bridged(bench):
     bench.spin(lambda: len(bench.commands) == 1, 5.0)
     bench.catenary.publish(catenary_state(1))
     bench.rig.publish(rig_state(4))
+    bench.rig.publish(rig_state(5))  # the rig has gone on: what lies between is lost
     bench.spin(lambda: len(bench.commands) == 2, 5.0)
     assert [c.cycle for c in bench.commands] == [0, 4]
     assert bench.node.timing.missing == 3

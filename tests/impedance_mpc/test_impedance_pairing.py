@@ -1,9 +1,13 @@
-"""States of rig and catenary meet by cycle number, in order, each once."""
+"""States of rig and catenary meet by cycle number, in order, each once; strays do no harm."""
 
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from impedance_mpc.pairing import BACKLOG, Arrival, CyclePairs
+from impedance_mpc.pairing import LONGEST, Arrival, CyclePairs
 
 
 def drain(pairs):
@@ -52,32 +56,115 @@ def test_gap_of_the_rig_is_counted_and_bridged_with_the_waiting_catenary_state()
     pairs.add_rig(0, "r0")
     pairs.add_catenary(0, "c0")
     drain(pairs)
-    pairs.add_rig(3, "r3")
-    assert drain(pairs) == []  # the catenary's answer to command 0 is still to come
+    assert pairs.add_rig(3, "r3") is Arrival.AHEAD
     pairs.add_catenary(1, "c1")
+    assert drain(pairs) == []  # it may be a stray
+    assert pairs.add_rig(4, "r4") is Arrival.NEW  # it was none
     assert drain(pairs) == [(3, "r3", "c1")]
     assert pairs.missing == 2
-    pairs.add_catenary(4, "c4")
-    pairs.add_rig(4, "r4")
+    for k in (2, 3, 4):  # what the catenary bridges
+        pairs.add_catenary(k, f"c{k}")
     assert drain(pairs) == [(4, "r4", "c4")]
+    assert (pairs.missing, pairs.refused) == (2, 0)
 
 
 def test_catenary_ahead_lets_the_lost_cycle_go():
     pairs = CyclePairs()
     pairs.add_catenary(2, "c2")
-    pairs.add_rig(0, "r0")
-    pairs.add_rig(2, "r2")
+    for k in range(3):
+        pairs.add_rig(k, f"r{k}")
+    assert drain(pairs) == []
+    pairs.add_catenary(3, "c3")
     assert drain(pairs) == [(2, "r2", "c2")]
     assert pairs.missing == 2
 
 
+@pytest.mark.parametrize("side", ["rig", "catenary"])
+@pytest.mark.parametrize("ahead", [2, 3, 40, 100, 999, LONGEST, LONGEST + 1, 10**9, 2**64 - 1])
+@pytest.mark.parametrize("when", ["before both", "between", "after both"])
+def test_a_stray_changes_nothing_and_is_counted(side, ahead, when):
+    pairs = CyclePairs()
+    stray = getattr(pairs, f"add_{side}")
+    found = []
+    for k in range(1200):
+        if k == 10 and when == "before both":
+            stray(min(k + ahead, 2**64 - 1), "stray")
+        pairs.add_catenary(k, f"c{k}")
+        found += drain(pairs)
+        if k == 10 and when == "between":
+            stray(min(k + ahead, 2**64 - 1), "stray")
+            found += drain(pairs)
+        pairs.add_rig(k, f"r{k}")
+        if k == 10 and when == "after both":
+            stray(min(k + ahead, 2**64 - 1), "stray")
+        found += drain(pairs)
+    assert found == [(k, f"r{k}", f"c{k}") for k in range(1200)]
+    assert (pairs.missing, pairs.refused) == (0, 1)
+
+
+def test_a_nearer_state_that_comes_all_the_same_is_not_blocked_by_farther_ones():
+    pairs = CyclePairs()
+    for k in (50, 51, 52):  # before a reset of the rig, say
+        pairs.add_rig(k, "old")
+    found = []
+    for k in range(60):
+        pairs.add_rig(k, f"r{k}")
+        pairs.add_catenary(k, f"c{k}")
+        found += drain(pairs)
+    assert found == [(k, f"r{k}", f"c{k}") for k in range(60)]
+    assert (pairs.missing, pairs.refused) == (0, 3)
+
+
 def test_silent_partner_does_not_fill_the_memory():
     pairs = CyclePairs()
-    for k in range(BACKLOG + 100):
+    for k in range(LONGEST + 100):
         pairs.add_rig(k, k)
-    assert len(pairs._rig) == BACKLOG
+    assert len(pairs._rig.states) == LONGEST + 1
+    assert pairs.refused == 99
+    # The partner speaks again: what was refused is a gap like any other.
+    found = []
+    for k in range(LONGEST + 1):
+        pairs.add_catenary(k, k)
+        found += drain(pairs)
+    pairs.add_catenary(LONGEST + 1, "waiting")
+    pairs.add_rig(LONGEST + 100, "a")
+    pairs.add_rig(LONGEST + 101, "b")
+    found += drain(pairs)
+    assert found == [*((k, k, k) for k in range(LONGEST + 1)), (LONGEST + 100, "a", "waiting")]
+    assert pairs.missing == 99
     pairs.clear()
     assert pairs.add_rig(0, 0) is Arrival.NEW
+    assert pairs.refused == 0
+
+
+def test_the_node_counts_strays_and_warns_of_them():
+    pytest.importorskip("phil_interfaces.msg")
+    from diagnostic_msgs.msg import DiagnosticStatus
+    from phil_interfaces.msg import CatenaryState, RigState
+
+    from impedance_mpc.node import ImpedanceNode
+    from phil_node.timing import Timing
+
+    class Node(SimpleNamespace):
+        _take_rig, _take_catenary = ImpedanceNode._take_rig, ImpedanceNode._take_catenary
+        _refuse, _answer_all, diagnose = ImpedanceNode._refuse, ImpedanceNode._answer_all, ImpedanceNode.diagnose
+
+    books = SimpleNamespace(delta_e=0.0, exchanged_energy=0.0, delta_p=0.0)
+    result = SimpleNamespace(correction=0, f_cor=0.0, iterations=1, fallbacks=0)
+    empty = [np.zeros(0)] * 4
+    controller = SimpleNamespace(books=books, result=result)
+    node = Node(controller=controller, pairs=CyclePairs(), timing=Timing(), segment=empty)
+    node.unusable = node.fallbacks_reported = 0
+    assert node.diagnose().level == DiagnosticStatus.OK
+    node._take_rig(RigState(cycle=10**9))
+    node._take_catenary(CatenaryState(cycle=10**9))
+    node._take_rig(RigState(cycle=0, w_tr=float("nan")))
+    node._take_rig(RigState(cycle=50))
+    node._take_rig(RigState(cycle=0))
+    assert (node.timing.refused, node.pairs.next) == (4, 0)
+    found = node.diagnose()
+    assert found.level == DiagnosticStatus.WARN
+    assert found.message.startswith("4 states refused")
 
 
 @settings(max_examples=60, deadline=None)

@@ -1,6 +1,7 @@
 """The node itself, in this process, against a partner that plays the impedance controller."""
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -14,8 +15,9 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from phil_node.base import QUIET  # noqa: E402
 from phil_node.qos import CYCLE  # noqa: E402
-from test_rig_sim.node import ENDED, RigNode  # noqa: E402
+from test_rig_sim.node import ENDED, WAITING, RigNode  # noqa: E402
 from test_rig_sim.supervisor import Mode  # noqa: E402
 
 pytestmark = pytest.mark.integration
@@ -26,6 +28,11 @@ Answer = Callable[[int], tuple[float, float] | None]
 
 def sine(k: int) -> tuple[float, float]:
     return 0.01 * math.sin(0.02 * k), 0.01 * math.sin(0.02 * (k + 1))
+
+
+def after(seconds: float) -> Callable[[], bool]:
+    end = time.monotonic() + seconds
+    return lambda: time.monotonic() > end
 
 
 class Ride:
@@ -55,12 +62,15 @@ class Ride:
             command.header = header
             self.commands.publish(command)
 
-    def run(self, spins: int = 4000) -> None:
+    def run(self, spins: int = 4000, until: Callable[[], bool] | None = None) -> None:
         self.rig.trigger_configure()
         self.rig.trigger_activate()
+        self.spin(spins, until)
+
+    def spin(self, spins: int = 4000, until: Callable[[], bool] | None = None) -> None:
         for _ in range(spins):
             self.executor.spin_once(timeout_sec=0.05)
-            if self.rig._phase == ENDED:
+            if self.rig._phase == ENDED if until is None else until():
                 break
 
     def close(self) -> None:
@@ -101,6 +111,8 @@ def test_lockstep_ride_is_complete_and_ends_after_its_last_command(ride: Any) ->
     assert found.states[7][3] == (0, 14_000_000)
     assert found.rig._supervisor.mode is Mode.STOPPED
     assert found.rig.timing.late == found.rig.timing.stale == found.rig.timing.refused == 0
+    answer = found.rig._serve_emergency_stop(Trigger.Request(), Trigger.Response())
+    assert answer.success and answer.message == "the ride is over, drive rests"
 
 
 def test_two_lockstep_rides_are_equal(ride: Any) -> None:
@@ -168,7 +180,56 @@ def test_realtime_ride_of_a_silent_partner_is_bridged_held_and_retracted(ride: A
     assert modes[-1] == Mode.STOPPED
     assert found.states[-1][2]
     assert found.states[-1][8] >= 10
-    assert "successive cycles without a command" in found.rig.diagnose().message
+    assert "10 successive cycles without a usable command (10 late, 0 refused)" in found.rig.diagnose().message
+
+
+def test_lockstep_ride_of_refused_commands_retracts_and_says_so(ride: Any) -> None:
+    found = ride(lambda k: sine(k) if k < 20 else (5.0, 5.0), duration=10.0, late_limit=10)
+    found.run()
+    assert [s[1] for s in found.states].index(Mode.RETRACTING) == 30
+    assert found.rig.timing.refused >= 10
+    wanted = "stopped: 10 successive cycles without a usable command (0 late, 10 refused)"
+    assert found.rig.diagnose().message == wanted
+
+
+@pytest.mark.parametrize("speaking", [True, False], ids=["commands go on", "nobody answers"])
+def test_realtime_emergency_stop_comes_to_rest_while_the_node_stays_active(ride: Any, speaking: bool) -> None:
+    found = ride(lambda k: sine(k) if speaking else None, mode="realtime", duration=0.0)
+    found.run(until=lambda: len(found.states) >= (80 if speaking else 1))
+    assert found.rig._serve_emergency_stop(Trigger.Request(), Trigger.Response()).success
+    assert found.rig.diagnose().message == "retracting: emergency stop"
+    found.spin()
+    assert found.states[-1][1:3] == (Mode.STOPPED, True)
+    assert found.states[-1][4] == pytest.approx(0.0, abs=1e-3)
+    modes = [s[1] for s in found.states]
+    if speaking:
+        assert Mode.RETRACTING in modes
+    assert found.rig.active
+    diagnosis = found.rig.diagnose()
+    assert (diagnosis.message, diagnosis.level) == ("stopped: emergency stop", b"\x02")
+    rest = len(found.states)
+    found.spin(spins=20, until=lambda: False)
+    assert len(found.states) == rest
+
+
+def test_ride_waits_for_every_listener_that_the_graph_knows(ride: Any) -> None:
+    found = ride(sine)
+    found.rig.count_subscribers = lambda topic: 2 if topic == "/test_rig_sim/state" else 0
+    found.run(spins=10**6, until=after(1.0))
+    assert found.rig._state_out.get_subscription_count() == 1
+    assert found.rig._phase == WAITING
+    assert found.rig.diagnose().values["listeners"] == "1 matched of 2"
+    del found.rig.count_subscribers
+    found.spin()
+    assert len(found.states) == CYCLES
+
+
+@pytest.mark.parametrize(("duration", "cycles"), [(0.0001, 1), (0.002, 1), (0.004, 2)])
+def test_short_ride_has_at_least_one_cycle(ride: Any, duration: float, cycles: int) -> None:
+    found = ride(sine, duration=duration)
+    found.run()
+    assert [s[2] for s in found.states] == [False] * (cycles - 1) + [True]
+    assert found.rig._phase == ENDED
 
 
 def test_reset_begins_anew_with_cycle_zero(ride: Any) -> None:
@@ -176,9 +237,7 @@ def test_reset_begins_anew_with_cycle_zero(ride: Any) -> None:
     found.run()
     first = list(found.states)
     found.states.clear()
-    found.rig._serve_reset(Trigger.Request(), Trigger.Response())
-    for _ in range(4000):
-        found.executor.spin_once(timeout_sec=0.05)
-        if found.rig._phase == ENDED:
-            break
+    time.sleep(QUIET)  # the base takes no reset before
+    assert found.rig._serve_reset(Trigger.Request(), Trigger.Response()).success
+    found.spin()
     assert found.states == first

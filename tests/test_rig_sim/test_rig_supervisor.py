@@ -46,7 +46,18 @@ def test_late_command_is_bridged_then_held_then_retracted() -> None:
         if rig.mode is not Mode.RETRACTING:
             assert ramp == Ramp(0.012, 0.012)
     assert modes == [Mode.BRIDGING, Mode.HOLDING, Mode.HOLDING, Mode.HOLDING, Mode.RETRACTING]
-    assert rig.reason == "5 successive cycles without a command"
+    assert rig.reason == "5 successive cycles without a usable command (5 late, 0 refused)"
+
+
+def test_reason_of_a_retract_tells_late_commands_from_refused_ones() -> None:
+    rig = fresh()
+    for refused in (True, True, False):
+        rig.bridge(refused)
+    rig.follow(0.1, 0.1)
+    for refused in (True, False, True, True, False):
+        rig.bridge(refused)
+    assert rig.mode is Mode.RETRACTING
+    assert rig.reason == "5 successive cycles without a usable command (2 late, 3 refused)"
 
 
 def test_prediction_of_a_late_command_is_the_goal_of_the_next_bridge() -> None:
@@ -67,7 +78,7 @@ def test_command_ends_a_bridge_and_the_count_of_late_ones() -> None:
             rig.bridge()
         rig.follow(0.0, 0.001)
         assert rig.mode is Mode.TRACKING
-        assert rig.late_in_a_row == 0
+        assert rig.unusable_in_a_row == 0
 
 
 def test_retract_ends_stopped_at_the_safe_position_and_does_not_rearm() -> None:
