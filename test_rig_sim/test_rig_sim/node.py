@@ -243,8 +243,8 @@ class RigNode(PhilNode[Parameters]):
         """Begin when the listeners are there; publish again, or move on alone, when nobody answers."""
         now = time.monotonic()
         if self._phase == WAITING:
-            # A listener that the graph knows but that is not matched yet would miss cycle 0. One that never matches (its
-            # QoS asks for more than is offered) does not hold up the ride for ever.
+            # A listener that the graph knows but that is not matched yet would miss cycle 0. One that never matches
+            # (its QoS asks for more than is offered) does not hold up the ride for ever.
             listeners, known = self._state_out.get_subscription_count(), self._known_listeners()
             quiet = now - self._listeners_since
             if (listeners, known) != self._listeners or listeners < self.parameters.wait_for_subscribers:
