@@ -2,5 +2,6 @@
 # Measures how long things take here: scripts/bench.sh catenary | mpc | realtime. All options: --help.
 set -u
 . "$(dirname "${BASH_SOURCE[0]}")/lib/environment.sh"
+phil_help bench "$@"
 phil_environment run
 exec python -m bench "$@"

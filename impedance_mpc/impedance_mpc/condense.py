@@ -161,8 +161,8 @@ class Program:
 
     ``hessian`` H (2 Nc, 2 Nc); ``gradient_t`` is G' (size of p, 2 Nc), transposed so that the sum over p runs along
     contiguous columns. ``rows`` (m, 2 Nc) gives the part of the drive's predicted positions (mm), velocities (mm/s)
-    and leads (mm) that the moves make, ``row_rig`` (m, 2) the part of x_tr (m, m/s), and ``row_step`` (m,) the part of a
-    reference of 1 mm that is held: the row for the plan "stop here". ``kind`` (m,) is POSITION, VELOCITY or LEAD.
+    and leads (mm) that the moves make, ``row_rig`` (m, 2) the part of x_tr (m, m/s), and ``row_step`` (m,) the part of
+    a reference of 1 mm that is held: the row for the plan "stop here". ``kind`` (m,) is POSITION, VELOCITY or LEAD.
     """
 
     hessian: Array

@@ -1,4 +1,4 @@
-"""Entry point of ``scripts/bench.sh``."""
+"""Entry point of ``scripts/bench.sh``: how long things take on this machine, as distributions."""
 
 from __future__ import annotations
 
@@ -6,91 +6,33 @@ import argparse
 import gc
 import json
 import platform
-import subprocess
 import sys
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from rich.console import Console
-
-from bench.distribution import Distribution, distribution, picture, table
-from ride.settings import resolve
-
-Samples = dict[str, NDArray[np.float64]]
-Result = tuple[str, list[Distribution], Samples]
-
-THESIS_CATENARY_MS = 0.33
-THESIS_CONTROLLER_MS = 1.77
-"""Turnaround times of Table 3.2."""
-
-
-def catenary(quick: bool) -> Result:
-    """Time the catenary's step over the number of spans, in the closed loop with controller and rig."""
-    from bench.closed_loop import ClosedLoop
-
-    samples: Samples = {}
-    for spans in (2, 4, 8, 16):
-        loop = ClosedLoop(resolve(None, {"catenary_model": {"spans": spans}}))
-        samples[f"{spans} spans"] = loop.times(500 if quick else 5000)["catenary"]
-    rows = [distribution(name, times, THESIS_CATENARY_MS, "median", "Table 3.2") for name, times in samples.items()]
-    return "catenary: one step of 2 ms at 250 km/h", rows, samples
-
-
-def mpc(quick: bool) -> Result:
-    """Time a whole cycle of the controller (states in, command out) over segment and horizon."""
-    from bench.closed_loop import ClosedLoop
-
-    samples: Samples = {}
-    cases: tuple[tuple[float, int, int], ...] = ((10.0, 30, 20), (20.0, 30, 20), (20.0, 30, 10), (20.0, 50, 30))
-    for half, horizon, moves in cases:
-        changes: dict[str, dict[str, Any]] = {
-            "catenary_model": {"segment_half_length": half},
-            "impedance_mpc": {"prediction_horizon": horizon, "control_horizon": moves},
-        }
-        times = ClosedLoop(resolve(None, changes)).times(500 if quick else 5000)
-        samples[f"segment {2 * half:g} m, Np {horizon}, Nc {moves}"] = times["impedance_mpc"]
-    rows = [distribution(name, times, THESIS_CONTROLLER_MS, "median", "Table 3.2") for name, times in samples.items()]
-    return "impedance controller: one cycle", rows, samples
-
-
-def realtime(quick: bool) -> Result:
-    """Ride in real time with the four nodes and the recorder; turnaround of each node, round trip of the rig."""
-    from energy_monitor.bag import read_bag
-
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "ride"
-        command = [sys.executable, "-m", "ride", "--mode", "realtime", "--duration", "5" if quick else "30"]
-        done = subprocess.run([*command, "--no-report", "--out", str(out)], check=False)
-        if done.returncode:
-            raise SystemExit(done.returncode)
-        tables = read_bag(out / "bag").tables
-    rows, samples, late = [], {}, {}
-    for node in ("test_rig_sim", "impedance_mpc", "catenary_model", "energy_monitor"):
-        timing = tables[f"/{node}/timing"]
-        name = "rig: state out to command in" if node == "test_rig_sim" else f"{node}: message in to message out"
-        samples[name] = np.concatenate([np.asarray(entry, dtype=np.float64) for entry in timing.entries("turnaround")])
-        late[node] = int(timing["late"].max())
-        goal = (2.0, "p99", "one cycle") if node == "test_rig_sim" else (None, "median", "")
-        rows.append(distribution(name, samples[name], *goal))
-    title = f"real time, {rows[0].count} cycles of 2 ms, late commands: {late['test_rig_sim']}"
-    return title, rows, samples
-
-
-BENCHES: dict[str, Callable[[bool], Result]] = {"catenary": catenary, "mpc": mpc, "realtime": realtime}
+NAMES = ("catenary", "mpc", "realtime")
 
 
 def main() -> int:
-    """Measure, print, write; always 0 unless the measurement itself failed: speed is told, not tested."""
+    """Measure, print, write; 0 unless the measurement itself failed: speed is told, not tested."""
     parser = argparse.ArgumentParser(prog="scripts/bench.sh", description=__doc__)
-    parser.add_argument("name", choices=BENCHES, help="what to measure")
+    parser.add_argument("name", choices=NAMES, help="what to measure")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
     parser.add_argument("--out", type=Path, metavar="DIR", help="draw the distributions there")
     parser.add_argument("--quick", action="store_true", help="few samples: only to see that it works")
     given = parser.parse_args()
+    try:
+        if given.json:
+            given.json.touch()
+        if given.out:
+            given.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"{error.filename} cannot be written: {error.strerror}")
+
+    from rich.console import Console
+
+    from bench.benches import BENCHES
+    from bench.distribution import picture, table
+
     gc.disable()
     title, rows, samples = BENCHES[given.name](given.quick)
     Console().print(table(title, rows))
@@ -99,7 +41,6 @@ def main() -> int:
         document = {"name": given.name, "title": title, **machine, "rows": [row.row() for row in rows]}
         given.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     if given.out:
-        given.out.mkdir(parents=True, exist_ok=True)
         picture(title, samples, given.out / f"bench-{given.name}.png")
     return 0
 

@@ -11,6 +11,20 @@ phil_say() { printf '%s\n' "$*" >&2; }
 
 phil_fail() { phil_say "error: $*"; exit 3; }
 
+# Answers --help at once, before anything is set up: phil_help MODULE ARGUMENTS...
+phil_help() {
+  local module="$1" argument
+  shift
+  for argument in "$@"; do
+    case "$argument" in
+      -h | --help)
+        PYTHONPATH="$PHIL_ROOT/scripts:$PHIL_ROOT/interfaces:$PHIL_ROOT/energy_monitor" \
+          "${PHIL_PYTHON:-python3}" -m "$module" --help 2>/dev/null && exit 0
+        ;;
+    esac
+  done
+}
+
 # Debian and Ubuntu packages beyond a bare system; names the line to type.
 phil_check_system() {
   local missing=()

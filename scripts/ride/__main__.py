@@ -1,86 +1,26 @@
-"""Entry point of ``scripts/run.sh``."""
+"""Entry point of ``scripts/run.sh``: reads the options before anything is imported, so that --help answers at once."""
 
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
-from rich.console import Console
+from ride.options import parse
 
-from phil_node.parameters import ParameterError
-from ride.folder import clear
-from ride.options import Options, parse
-from ride.settings import Settings, resolve, write
-
-OK, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130
+INTERRUPTED = 130
 
 
 def main() -> int:
-    """Ride; give the exit code: 0 good, 1 failed or a verdict does not hold, 2 wrong options, 130 interrupted."""
+    """Read the options and ride; give the exit code."""
     options = parse()
-    console = Console()
-    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
-    try:
-        settings = resolve(options.params, options.overrides)
-    except ParameterError as error:
-        errors.print(str(error))
-        return WRONG
-    try:
-        if not clear(options.out, options.overwrite):
-            errors.print(f"{options.out} already holds a ride: choose another --out, or --overwrite")
-            return WRONG
-        options.out.mkdir(parents=True, exist_ok=True)
-        write(settings, options.out / "params.yaml")
-    except OSError as error:
-        errors.print(f"{options.out} cannot be written: {error.strerror}")
-        return WRONG
-    return _ride_and_report(options, settings, console, errors)
+    from ride.command import carry_out
 
-
-def _ride_and_report(options: Options, settings: Settings, console: Console, errors: Console) -> int:
-    # The middleware is loaded only now, so that --help and wrong parameters answer at once.
-    from ride.lifecycle import RideError
-    from ride.session import Ride, RideInterrupt
-    from ride.summary import live_summary
-
-    train, rig = settings["catenary_model"], settings["test_rig_sim"]
-    what = f"{train['speed_kmh']:g} km/h, pantograph {rig['pantograph']}, {rig['mode']}, seed {rig['seed']}"
-    console.print(f"{what} -> {options.out}", highlight=False, soft_wrap=True)
-    ride = Ride(settings, options, console)
-    code = OK
-    try:
-        ride.run()
-    except RideError as error:
-        errors.print(f"the ride failed: {error}")
-        errors.print(f"logs: {options.out / 'logs'}")
-        code = FAILED
-    except RideInterrupt:
-        code = INTERRUPTED
-    if options.report and ride.bag_path.exists() and ride.watch is not None and ride.watch.cycle >= 0:
-        verdict = _report(ride.bag_path, options.out, console, errors)
-        code = code or verdict
-    elif ride.watch is not None and ride.watch.cycle >= 0:
-        console.print(live_summary(ride.watch, ride.seconds))
-    return code
-
-
-def _report(bag: Path, out: Path, console: Console, errors: Console) -> int:
-    from energy_monitor.report import ReportError, summary_table, write_report
-
-    try:
-        report = write_report(bag, out, params=out / "params.yaml")
-    except ReportError as error:
-        errors.print(f"no report: {error}")
-        return FAILED
-    console.print(summary_table(report))
-    console.print(f"report: {out / 'report.html'}", highlight=False, soft_wrap=True)
-    return OK if report.ok else FAILED
+    return carry_out(options)
 
 
 if __name__ == "__main__":
     try:
         sys.exit(main())
     except KeyboardInterrupt:
-        # Before the first node is started, or after the last one has ended: nothing is left running.
+        # Before the first node was started, or after the last one has ended: nothing is left running.
         print("interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)

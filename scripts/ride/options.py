@@ -9,10 +9,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from phil_node.parameters import parse as parse_yaml
-
 ROOT = Path(__file__).resolve().parents[2]
 
 SHORTCUTS = {
@@ -72,10 +68,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         node, dot, key = target.partition(".")
         if not (separator and dot and node and key):
             parser.error(f"--set {entry}: the form is NODE.KEY=VALUE")
-        try:
-            overrides.setdefault(node, {})[key] = parse_yaml(text)
-        except yaml.YAMLError:
-            parser.error(f"--set {entry}: '{text}' is no YAML value")
+        overrides.setdefault(node, {})[key] = _value(text, parser)
     for option, (node, key) in SHORTCUTS.items():
         value = getattr(given, option)
         if value is not None:
@@ -90,3 +83,15 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         overwrite=given.overwrite,
         ordinary_scheduling=given.ordinary_scheduling,
     )
+
+
+def _value(text: str, parser: argparse.ArgumentParser) -> Any:
+    # Imported only here: --help has to answer before anything is installed.
+    import yaml
+
+    from phil_node.parameters import parse as parse_yaml
+
+    try:
+        return parse_yaml(text)
+    except yaml.YAMLError:
+        parser.error(f"--set: '{text}' is no YAML value")

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import fcntl
+import time
 from pathlib import Path
 
 SHM = Path("/dev/shm")
 OURS = ("fastrtps_", "fastdds_", "sem.fastrtps_", "sem.fastdds_", "lttng-ust-wait-")
 """Prefixes of segments, ports and locks of Fast DDS, and of the tracing library that ROS 2 links."""
+OLD_SECONDS = 60.0
+"""Age from which litter that nobody holds is removed whoever left it; younger one may belong to a process that starts."""
 
 
 def snapshot(folder: Path = SHM) -> frozenset[str]:
@@ -16,13 +19,15 @@ def snapshot(folder: Path = SHM) -> frozenset[str]:
 
 
 def remove_litter(before: frozenset[str], folder: Path = SHM) -> list[str]:
-    """Remove what came since ``before``, belongs to the middleware and is used by nobody; give the names.
+    """Remove what belongs to the middleware, is used by nobody, and came since ``before`` or is old; give the names.
 
+    Old litter is that of a ride whose run script was killed and could not clean up.
     A living Fast DDS process holds a lock on the ``*_el`` file of each of its segments and on those of its ports:
     what is locked, or belongs to a name that is, stays.
     """
-    fresh = [name for name in snapshot(folder) - before if name.startswith(OURS)]
-    busy = {_stem(name) for name in fresh if name.endswith(("_el", "_sl")) and _locked(folder / name)}
+    there = [name for name in snapshot(folder) if name.startswith(OURS)]
+    fresh = [name for name in there if name not in before or _old(folder / name)]
+    busy = {_stem(name) for name in there if name.endswith(("_el", "_sl")) and _locked(folder / name)}
     removed = []
     for name in sorted(fresh):
         if _stem(name) in busy:
@@ -30,6 +35,13 @@ def remove_litter(before: frozenset[str], folder: Path = SHM) -> list[str]:
         (folder / name).unlink(missing_ok=True)
         removed.append(name)
     return removed
+
+
+def _old(path: Path) -> bool:
+    try:
+        return time.time() - path.stat().st_mtime > OLD_SECONDS
+    except OSError:
+        return False
 
 
 def _stem(name: str) -> str:

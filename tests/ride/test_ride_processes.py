@@ -71,12 +71,15 @@ def test_last_words_are_the_last_lines(tmp_path):
 
 
 def test_only_unused_litter_of_the_middleware_is_removed(tmp_path):
-    (tmp_path / "fastrtps_old").write_bytes(b"")
+    (tmp_path / "fastrtps_young").write_bytes(b"")
+    for name in ("fastrtps_port7_el", "sem.fastrtps_port7_mutex", "unrelated"):
+        (tmp_path / name).write_bytes(b"")
+        os.utime(tmp_path / name, (1e9, 1e9))
     before = snapshot(tmp_path)
     for name in ("fastrtps_dead", "fastrtps_dead_el", "fastrtps_busy", "fastrtps_busy_el", "other"):
         (tmp_path / name).write_bytes(b"")
     with (tmp_path / "fastrtps_busy_el").open("rb") as handle:
         fcntl.flock(handle, fcntl.LOCK_SH)
         removed = remove_litter(before, tmp_path)
-    assert removed == ["fastrtps_dead", "fastrtps_dead_el"]
-    assert snapshot(tmp_path) == {"fastrtps_old", "fastrtps_busy", "fastrtps_busy_el", "other"}
+    assert removed == ["fastrtps_dead", "fastrtps_dead_el", "fastrtps_port7_el", "sem.fastrtps_port7_mutex"]
+    assert snapshot(tmp_path) == {"fastrtps_young", "fastrtps_busy", "fastrtps_busy_el", "other", "unrelated"}

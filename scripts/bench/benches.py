@@ -1,0 +1,78 @@
+"""What is measured: the catenary's step, the controller's cycle, the whole loop in real time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.distribution import Distribution, distribution
+from ride.settings import resolve
+
+Samples = dict[str, NDArray[np.float64]]
+Result = tuple[str, list[Distribution], Samples]
+
+THESIS_CATENARY_MS = 0.33
+THESIS_CONTROLLER_MS = 1.77
+"""Turnaround times of Table 3.2."""
+
+
+def catenary(quick: bool) -> Result:
+    """Time the catenary's step over the number of spans, in the closed loop with controller and rig."""
+    from bench.closed_loop import ClosedLoop
+
+    samples: Samples = {}
+    for spans in (2, 4, 8, 16):
+        loop = ClosedLoop(resolve(None, {"catenary_model": {"spans": spans}}))
+        samples[f"{spans} spans"] = loop.times(500 if quick else 5000)["catenary"]
+    rows = [distribution(name, times, THESIS_CATENARY_MS, "median", "Table 3.2") for name, times in samples.items()]
+    return "catenary: one step of 2 ms at 250 km/h", rows, samples
+
+
+def mpc(quick: bool) -> Result:
+    """Time a whole cycle of the controller (states in, command out) over segment and horizon."""
+    from bench.closed_loop import ClosedLoop
+
+    samples: Samples = {}
+    cases: tuple[tuple[float, int, int], ...] = ((10.0, 30, 20), (20.0, 30, 20), (20.0, 30, 10), (20.0, 50, 30))
+    for half, horizon, moves in cases:
+        changes: dict[str, dict[str, Any]] = {
+            "catenary_model": {"segment_half_length": half},
+            "impedance_mpc": {"prediction_horizon": horizon, "control_horizon": moves},
+        }
+        times = ClosedLoop(resolve(None, changes)).times(500 if quick else 5000)
+        samples[f"segment {2 * half:g} m, Np {horizon}, Nc {moves}"] = times["impedance_mpc"]
+    rows = [distribution(name, times, THESIS_CONTROLLER_MS, "median", "Table 3.2") for name, times in samples.items()]
+    return "impedance controller: one cycle", rows, samples
+
+
+def realtime(quick: bool) -> Result:
+    """Ride in real time with the four nodes and the recorder; turnaround of each node, round trip of the rig."""
+    from energy_monitor.bag import read_bag
+
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "ride"
+        command = [sys.executable, "-m", "ride", "--mode", "realtime", "--duration", "5" if quick else "30"]
+        done = subprocess.run([*command, "--no-report", "--out", str(out)], check=False)
+        if done.returncode:
+            raise SystemExit(done.returncode)
+        tables = read_bag(out / "bag").tables
+    rows, samples, late = [], {}, {}
+    for node in ("test_rig_sim", "impedance_mpc", "catenary_model", "energy_monitor"):
+        timing = tables[f"/{node}/timing"]
+        name = "rig: state out to command in" if node == "test_rig_sim" else f"{node}: message in to message out"
+        samples[name] = np.concatenate([np.asarray(entry, dtype=np.float64) for entry in timing.entries("turnaround")])
+        late[node] = int(timing["late"].max())
+        goal = (2.0, "p99", "one cycle") if node == "test_rig_sim" else (None, "median", "")
+        rows.append(distribution(name, samples[name], *goal))
+    title = f"real time, {rows[0].count} cycles of 2 ms, late commands: {late['test_rig_sim']}"
+    return title, rows, samples
+
+
+BENCHES: dict[str, Callable[[bool], Result]] = {"catenary": catenary, "mpc": mpc, "realtime": realtime}
