@@ -62,7 +62,7 @@ def analyse(
     Raises
     ------
     BagError
-        A cycle topic is missing, or the ride is shorter than its run-in.
+        A cycle topic is missing, or the three have no cycle in common.
     """
     aligned = align(bag)
     ts = cycle_time(bag, aligned.rig)
@@ -73,8 +73,12 @@ def analyse(
         notes.append("The recording was cut off: what was written up to then is analysed.")
     if aligned.missing:
         notes.append("Filters and spectra bridge missing cycles by straight lines.")
-    if not series.evaluated.any():
-        notes.append(f"The ride is shorter than its run-in of {settings.run_in:g} s: all of it is evaluated.")
+    beyond_run_in = bool(series.evaluated.any())
+    if not beyond_run_in:
+        notes.append(
+            f"The ride is not longer than its run-in of {settings.run_in:g} s: the numbers are those of the run-in, "
+            "position, energy and force are not judged."
+        )
         series = _series(bag, aligned, ts, _without_run_in(settings))
     force = contact_force(series, settings)
     track = tracking(series, ts)
@@ -95,6 +99,8 @@ def analyse(
             quality,
             nodes.retracted(aligned),
             nodes.mismatches(aligned),
+            uplift_force=_uplift_force(parameters or {}),
+            beyond_run_in=beyond_run_in,
         ),
         streams=aligned.streams,
         tracking=track,
@@ -245,6 +251,11 @@ def correction(aligned: Aligned) -> Correction:
 def rms(values: Floats) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _uplift_force(parameters: Mapping[str, Mapping[str, Any]]) -> float | None:
+    value = parameters.get("test_rig_sim", {}).get("uplift_force")
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
 
 
 def _share(part: float, whole: float) -> float | None:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from energy_monitor.agreement import Agreement, Entry, SampleTrace, Tolerance
 from energy_monitor.books import Books
 from energy_monitor.contact_quality import ContactQuality
-from energy_monitor.cycles import Arrival, CycleMatcher
+from energy_monitor.cycles import AHEAD, Arrival, CycleMatcher, JumpFilter
 from energy_monitor.parameters import Parameters
 
 RIG, COMMAND, CATENARY = 0, 1, 2
@@ -52,6 +52,7 @@ class Audit:
         )
         self.agreement = Agreement(tolerance_of(parameters))
         self.trace = SampleTrace()
+        self._jumps = [JumpFilter() for _ in STREAMS]
         self.clear()
 
     def clear(self) -> None:
@@ -61,10 +62,15 @@ class Audit:
         self.quality.clear()
         self.agreement.clear()
         self.trace.clear()
+        for jumps in self._jumps:
+            jumps.clear()
         self.work = 0.0
+        self.refused = 0
 
     def rig(self, cycle: int, sample: RigSample, last: bool) -> bool:
         """Take a state of the rig; tells whether it is a new one, which is in the contact quality now."""
+        if not self._believes(RIG, cycle):
+            return False
         arrival = self.matcher.accept(RIG, cycle, sample)
         if last and arrival in (Arrival.NEW, Arrival.OUT_OF_ORDER):
             self.matcher.finish(cycle)
@@ -76,11 +82,21 @@ class Audit:
 
     def command(self, cycle: int, sample: CommandSample) -> None:
         """Take a command."""
-        self.matcher.accept(COMMAND, cycle, sample)
+        if self._believes(COMMAND, cycle):
+            self.matcher.accept(COMMAND, cycle, sample)
 
-    def catenary(self, cycle: int, sample: CatenarySample) -> None:
-        """Take a state of the catenary."""
-        self.matcher.accept(CATENARY, cycle, sample)
+    def catenary(self, cycle: int, sample: CatenarySample) -> bool:
+        """Take a state of the catenary; tells whether it was used."""
+        if not self._believes(CATENARY, cycle):
+            return False
+        return self.matcher.accept(CATENARY, cycle, sample) in (Arrival.NEW, Arrival.OUT_OF_ORDER)
+
+    def believed(self, entry: Entry) -> None:
+        """Take an entry of the controller's books."""
+        if entry.cycle > self.matcher.expected + AHEAD:
+            self.refused += 1
+        else:
+            self.agreement.theirs(entry)
 
     def settle(self, now: float) -> Iterator[tuple[int, Any]]:
         """Book every cycle that is complete by now; gives its number and header after it was booked; ``now`` in s."""
@@ -118,6 +134,12 @@ class Audit:
         if trace.broken:
             found.append(f"{trace.reason} in {trace.broken} cycles, first in cycle {trace.first_broken}")
         return found
+
+    def _believes(self, stream: int, cycle: int) -> bool:
+        if self._jumps[stream].believes(cycle, self.matcher.expected):
+            return True
+        self.refused += 1
+        return False
 
 
 def tolerance_of(parameters: Parameters) -> Tolerance:

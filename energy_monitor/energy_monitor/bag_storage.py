@@ -62,6 +62,8 @@ def open_source(path: Path) -> Source:
         raise BagError(f"{path}: no such file or directory")
     if path.is_file():
         return Source(path, (path,), _storage_of(path))
+    if not path.is_dir():
+        raise BagError(f"{path}: neither a folder nor a regular file")
     files = _files_in(path)
     if files:
         return _with_metadata(path, files)
@@ -121,7 +123,7 @@ def _with_metadata(directory: Path, files: tuple[Path, ...]) -> Source:
     try:
         information = yaml.safe_load(metadata.read_text())["rosbag2_bagfile_information"]
         listed = [directory / Path(name).name for name in information["relative_file_paths"]]
-    except (OSError, yaml.YAMLError, KeyError, TypeError):
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
         return source
     present = [file for file in listed if file.exists()]
     source.complete = len(present) == len(listed)
@@ -146,7 +148,7 @@ class _McapState:
 
 def _mcap_records(source: Source, file: Path, wanted: Wanted) -> Iterator[Record]:
     state = _McapState(source, file, wanted)
-    if file.stat().st_size < len(MAGIC):
+    if file.stat().st_size == 0:
         raise BagError(f"{file}: empty, nothing was recorded")
     with file.open("rb") as stream:
         if file.suffix == ".zstd":

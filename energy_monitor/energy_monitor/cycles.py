@@ -13,6 +13,10 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
+AHEAD = 1000
+"""Cycles that a message may be ahead of what is expected next; beyond, it is a stray one or the stream jumped."""
+CONFIRMED = 50
+"""Successive messages beyond AHEAD, each ahead of the one before, that show a jump of the stream."""
 REMEMBERED = 8
 """Missing cycle numbers that are kept for people, per stream."""
 
@@ -24,6 +28,28 @@ class Arrival(IntEnum):
     OUT_OF_ORDER = 1
     DUPLICATE = 2
     STALE = 3
+
+
+class JumpFilter:
+    """Tells a stray cycle number from a real jump of one stream, as after a late start or a reset of this node only."""
+
+    def __init__(self) -> None:
+        """Expect no jump."""
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the numbers that were not believed."""
+        self._run = 0
+        self._newest = 0
+
+    def believes(self, cycle: int, expected: int) -> bool:
+        """Tell whether a message with this cycle number may be used where ``expected`` comes next."""
+        if cycle <= expected + AHEAD:
+            self._run = 0
+            return True
+        self._run = self._run + 1 if 0 < cycle - self._newest <= AHEAD else 1
+        self._newest = cycle
+        return self._run >= CONFIRMED
 
 
 class CycleMatcher(Generic[T]):
@@ -120,6 +146,11 @@ class CycleMatcher(Generic[T]):
     def pending(self) -> int:
         """Cycles of the first stream that wait for the other streams."""
         return max(0, self.newest[0] + 1 - self.next)
+
+    @property
+    def expected(self) -> int:
+        """First cycle that no stream has reached yet."""
+        return max(self.next, max(self.newest) + 1)
 
     def age(self, now: float) -> float | None:
         """Time in s since the newest complete cycle became complete; None before the first."""

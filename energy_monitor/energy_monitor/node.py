@@ -82,9 +82,8 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         audit, now = self._audit, monotonic()
         matcher, agreement, books = audit.matcher, audit.agreement, audit.books
         complaints = audit.complaints(now, self.parameters.age_limit)
-        refused = self.timing.refused
-        if refused:
-            complaints.append(f"{refused} messages with NaN or infinity refused")
+        if audit.refused:
+            complaints.append(f"{audit.refused} messages refused: NaN, infinity or a cycle number far ahead")
         statistics = audit.quality.statistics
         checks = evaluate(self._standard, statistics, self._speed * 3.6)
         kept = verdict(checks)
@@ -129,8 +128,8 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
 
     def _on_rig(self, message: Any) -> None:
         self.timing.begin()
-        if not finite(message.f_tr, message.v_tr, message.work):
-            self.timing.refused += 1
+        if not finite(message.w_tr, message.f_tr, message.v_tr, message.work):
+            self._refuse()
             return
         cycle, last = message.cycle, message.last
         if self._audit.rig(cycle, RigSample(message.header, message.f_tr, message.v_tr, message.work), last):
@@ -142,29 +141,30 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
     def _on_command(self, message: Any) -> None:
         self.timing.begin()
         if not finite(message.f_tr, message.f_cor, message.f_cat):
-            self.timing.refused += 1
+            self._refuse()
             return
         self._audit.command(message.cycle, CommandSample(message.f_tr, message.f_cor, message.f_cat))
         self._settle()
 
     def _on_catenary(self, message: Any) -> None:
-        if message.cycle == 0:
+        valid = finite(message.w_cat, message.v_cat, message.f_cat, message.speed)
+        if valid and message.cycle == 0:
             self._initial = message
         if not self.active:
             return
         self.timing.begin()
-        if not finite(message.v_cat, message.f_cat, message.speed):
-            self.timing.refused += 1
+        if not valid:
+            self._refuse()
             return
-        self._speed = message.speed
-        self._audit.catenary(message.cycle, CatenarySample(message.v_cat, message.f_cat))
+        if self._audit.catenary(message.cycle, CatenarySample(message.v_cat, message.f_cat)):
+            self._speed = message.speed
         self._settle()
 
     def _on_believed(self, message: Any) -> None:
-        if not finite(message.delta_e, message.delta_p):
-            self.timing.refused += 1
+        if not finite(message.delta_e, message.delta_p, message.exchanged_energy, message.exchanged_momentum):
+            self._refuse()
             return
-        self._audit.agreement.theirs(
+        self._audit.believed(
             Entry(
                 message.cycle,
                 message.delta_e,
@@ -173,6 +173,10 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
                 message.exchanged_momentum,
             )
         )
+
+    def _refuse(self) -> None:
+        self._audit.refused += 1
+        self.timing.refused = self._audit.refused
 
     def _settle(self) -> None:
         audit, timing = self._audit, self.timing
@@ -185,7 +189,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
             timing.begin()
             if cycle == matcher.last:
                 timing.flush(header, cycle)
-        timing.missing, timing.stale = sum(matcher.missing), matcher.stale
+        timing.missing, timing.stale, timing.refused = sum(matcher.missing), matcher.stale, audit.refused
 
     def _publish_books(self, cycle: int, header: Any) -> None:
         books, message = self._audit.books, self._books_message

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import gc
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -14,14 +15,15 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from energy_monitor.command_line import Parser, seconds
 from energy_monitor.topics import RECORDED
 
 DEPTH = 5000
 """Messages a topic that may wait for the recorder: 10 s at 500 Hz, so that a ride at full speed loses nothing."""
 SETTLE = 0.3
 """s from the last match until the recorder calls itself ready: the publishers' side learns of it a little later."""
-EAGER = 5.0
-"""s from the start in which new topics are looked for ten times a second, then once a second."""
+EAGER = 30.0
+"""s from the start in which new topics are looked for five times a second, then once a second."""
 QUIET = 0.3
 """s without a message that end the recording once it was asked to end."""
 LOOK = 0.05
@@ -29,24 +31,78 @@ LOOK = 0.05
 DRAIN = 2.0
 """s after which the recording ends although messages still come."""
 
+_NAME = r"[A-Za-z_][A-Za-z0-9_]*"
+_TOPIC = re.compile(rf"(~/|/)?{_NAME}(/{_NAME})*")
+_NAMESPACE = re.compile(rf"/?{_NAME}(/{_NAME})*")
+
 
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(prog="record", description="Record a running ride into an MCAP bag.")
+    parser = Parser(
+        prog="scripts/record.sh",
+        description="Record a running ride into an MCAP bag.",
+        epilog="Exit code: 0 the bag is whole, 1 writing failed or messages were lost, 2 the command line is wrong.",
+    )
     parser.add_argument("--out", type=Path, help="folder of the bag, must not exist (default: ride_DATE_TIME)")
     parser.add_argument("--all", action="store_true", help="record every topic, also those that appear later")
     parser.add_argument(
-        "--duration", type=float, default=0.0, metavar="S", help="end S seconds after the first message"
+        "--duration", type=seconds, default=0.0, metavar="S", help="end S seconds after the first message"
     )
-    parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="record these instead of the topics of a ride")
-    parser.add_argument("--namespace", default="", metavar="NS", help="namespace of the nodes (default: none)")
+    parser.add_argument(
+        "--topics", nargs="+", type=topic, metavar="TOPIC", help="record these, not the topics of a ride"
+    )
+    parser.add_argument(
+        "--namespace", type=namespace, default="", metavar="NS", help="namespace of the nodes (default: none)"
+    )
     parser.add_argument(
         "--ready-file", type=Path, metavar="FILE", help="create FILE once all expected topics are connected"
     )
     parser.add_argument(
-        "--expect-topics", nargs="+", metavar="TOPIC", help="topics that --ready-file waits for (default: all)"
+        "--expect-topics",
+        nargs="+",
+        type=topic,
+        metavar="TOPIC",
+        help="topics that --ready-file waits for (default: all)",
     )
     return parser.parse_args(argv)
+
+
+def topic(text: str) -> str:
+    """Check the name of a topic by ROS's rules, which need no ROS to be known.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        It is no name.
+    """
+    if not _TOPIC.fullmatch(text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not the name of a topic")
+    return text
+
+
+def namespace(text: str) -> str:
+    """Check a namespace as `topic` checks a topic; empty or "/" is none."""
+    if text not in ("", "/") and not _NAMESPACE.fullmatch(text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a namespace")
+    return text
+
+
+def without_ros_arguments(argv: Sequence[str]) -> list[str]:
+    """Leave out what stands between --ros-args and -- (or the end): that is for ROS."""
+    kept, ours = [], True
+    for argument in argv:
+        if argument == "--ros-args":
+            ours = False
+        elif ours:
+            kept.append(argument)
+        elif argument == "--":
+            ours = True
+    return kept
+
+
+def look_period(elapsed: float, waiting: bool) -> float:
+    """Give the time in s between two looks for new topics, ``elapsed`` s after the start."""
+    return 0.1 if waiting else 0.2 if elapsed < EAGER else 1.0
 
 
 class RideRecorder:
@@ -184,8 +240,18 @@ def summary(recorder: RideRecorder, path: Path, seconds: float) -> str:
     return "\n".join(rows)
 
 
+def complaint(channels: Sequence[Any]) -> str | None:
+    """Say in one line how many messages the middleware lost, and of which topics; None if it lost none."""
+    losers = sorted((channel.topic, channel.lost) for channel in channels if channel.lost)
+    if not losers:
+        return None
+    total = sum(count for _, count in losers)
+    return f"{total} messages were lost, the bag has gaps: " + ", ".join(f"{name} {count}" for name, count in losers)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Record until the duration is over or SIGINT or SIGTERM comes; 0 if the bag is whole, 1 if writing failed."""
+    """Record until the duration is over or SIGINT or SIGTERM comes; 0 if the bag is whole, else 1."""
+    options = arguments(without_ros_arguments(sys.argv[1:] if argv is None else argv))
     asked: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda got, _frame: asked.append(got))
@@ -193,12 +259,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Loading ROS takes a while: the handlers above must already stand.
     import rclpy
     from rclpy.signals import SignalHandlerOptions
-    from rclpy.utilities import remove_ros_args
     from rosbags.rosbag2 import WriterError
 
     from energy_monitor.recorder import BagSink
 
-    options = arguments(remove_ros_args(sys.argv if argv is None else ["record", *argv])[1:])
     path = options.out or Path(f"ride_{datetime.now():%Y%m%d_%H%M%S}")
     topics = options.topics or ([] if options.all and options.expect_topics else RECORDED)
     expected = options.expect_topics or topics
@@ -216,7 +280,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         _record(node, recorder, sink, options, asked)
     finally:
-        seconds = monotonic() - began
+        duration = monotonic() - began
         node.destroy_node()
         rclpy.try_shutdown()
         try:
@@ -224,7 +288,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         except OSError as error:
             print(f"record: {error}", file=sys.stderr)
             return 1
-    print(summary(recorder, path, seconds), flush=True)
+    print(summary(recorder, path, duration), flush=True)
+    if gaps := complaint(recorder.channels):
+        print(f"record: {gaps}", file=sys.stderr)
+        return 1
     return 0
 
 
@@ -248,8 +315,7 @@ def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Name
     while not asked and sink.error is None:
         executor.spin_until_future_complete(never, timeout_sec=LOOK)
         now = monotonic()
-        hurry = waiting or now - began < EAGER
-        if not recorder.complete and now - looked >= (0.1 if hurry else 1.0):
+        if not recorder.complete and now - looked >= look_period(now - began, waiting):
             looked = now
             recorder.discover()
         if waiting and recorder.ready(now):

@@ -10,7 +10,7 @@ SHM = Path("/dev/shm")
 OURS = ("fastrtps_", "fastdds_", "sem.fastrtps_", "sem.fastdds_", "lttng-ust-wait-")
 """Prefixes of segments, ports and locks of Fast DDS, and of the tracing library that ROS 2 links."""
 OLD_SECONDS = 60.0
-"""Age from which litter that nobody holds is removed whoever left it; younger one may belong to a process that starts."""
+"""Age from which what nobody holds is removed whoever left it; younger may belong to a process that just starts."""
 
 
 def snapshot(folder: Path = SHM) -> frozenset[str]:
@@ -26,7 +26,8 @@ def remove_litter(before: frozenset[str], folder: Path = SHM) -> list[str]:
     what is locked, or belongs to a name that is, stays.
     """
     there = [name for name in snapshot(folder) if name.startswith(OURS)]
-    fresh = [name for name in there if name not in before or _old(folder / name)]
+    # The tracing library's file carries no lock: an old one may be in use.
+    fresh = [name for name in there if name not in before or ("lttng" not in name and _old(folder / name))]
     busy = {_stem(name) for name in there if name.endswith(("_el", "_sl")) and _locked(folder / name)}
     removed = []
     for name in sorted(fresh):

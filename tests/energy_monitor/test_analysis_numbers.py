@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from energy_monitor.report.verdicts import Limits, LimitsError, read_limits
 
 Make = Callable[..., Report]
 TS = 0.002
+UPLIFT = {"test_rig_sim": {"uplift_force": 120.0}}
 
 
 @pytest.fixture
@@ -26,9 +28,14 @@ def make(synthetic: Callable[..., Path], tmp_path: Path) -> Make:
     """Analyse a synthetic ride of given properties."""
     numbers = count()
 
-    def analysed(settings: Settings | None = None, limits: Limits | None = None, **ride: Any) -> Report:
+    def analysed(
+        settings: Settings | None = None,
+        limits: Limits | None = None,
+        parameters: dict[str, dict[str, Any]] | None = None,
+        **ride: Any,
+    ) -> Report:
         bag = read_bag(synthetic(tmp_path / f"bag{next(numbers)}", **ride))
-        return analyse(bag, settings or Settings(), limits or read_limits())
+        return analyse(bag, settings or Settings(), limits or read_limits(), parameters=parameters)
 
     return analysed
 
@@ -164,7 +171,8 @@ def test_good_ride_passes(report: Report) -> None:
         ({"no_contact": (1200, 1201)}, "contact"),
         ({"missing": (700, 701, 900)}, "cycles"),
         ({"modes": {1300: 4}}, "retracted"),
-        ({"mean_force": 160.0}, "en50367_ac_mean"),
+        ({"mean_force": 160.0, "parameters": UPLIFT}, "mean_force"),
+        ({"mean_force": 100.0, "parameters": UPLIFT}, "mean_force"),
         ({"last": False}, "ended"),
         ({"mismatches": (50,)}, "mismatches"),
     ],
@@ -179,6 +187,35 @@ def test_information_does_not_decide(make: Make) -> None:
     report = make(amplitude=70.0)  # sigma 49 N, more than 0.3 of 120 N
     assert verdict(report, "en50367_ac_sigma").ok is False
     assert report.ok
+
+
+def test_a_missed_norm_is_a_result_and_no_failure(make: Make) -> None:
+    # EN 50367 at 160 km/h allows up to 0.00047 * 160^2 + 90 = 102 N.
+    report = make(speed_kmh=160.0, parameters=UPLIFT)
+    norm = verdict(report, "en50367_ac_mean")
+    assert norm.ok is False and not norm.binding
+    assert verdict(report, "mean_force").value == pytest.approx(1.0, abs=1e-3)
+    assert report.ok
+    binding = read_limits().model_copy(update={"standard_binding": ["mean"]})
+    assert not make(speed_kmh=160.0, parameters=UPLIFT, limits=binding).ok
+
+
+def test_mean_force_is_open_without_parameters(report: Report) -> None:
+    assert verdict(report, "mean_force").ok is None
+    assert (verdict(report, "mean_force").low, verdict(report, "mean_force").high) == (0.85, 1.15)
+
+
+@pytest.mark.parametrize(("cycles", "judged"), [(1000, False), (1001, True)])
+def test_a_run_in_is_not_judged(make: Make, cycles: int, judged: bool) -> None:
+    # Run-in 2 s: cycles 0 to 999. The ride would fail in everything that is steady.
+    report = make(
+        cycles=cycles, lag=4e-3, velocity_error=1e-2, mean_force=200.0, no_contact=tuple(range(900, 1001)),
+        parameters=UPLIFT,
+    )  # fmt: skip
+    keys = ("position", "energy", "mean_force", "contact", "en50367_ac_mean", "en50367_ac_loss_share")
+    found = [verdict(report, key).ok for key in keys]
+    assert found == ([False] * 6 if judged else [None] * 6)
+    assert report.ok is not judged
 
 
 def test_missing_and_double_cycles(make: Make) -> None:
@@ -211,7 +248,7 @@ def test_recording_that_began_late(make: Make) -> None:
 def test_ride_shorter_than_its_run_in(make: Make) -> None:
     report = make(cycles=400)
     assert report.contact_force.samples == 400
-    assert any("shorter" in note for note in report.notes)
+    assert any("not longer than its run-in of 2 s" in note for note in report.notes)
 
 
 def test_shortest_rides_do_not_crash(make: Make) -> None:
@@ -230,6 +267,23 @@ def test_bag_without_monitor_is_open(make: Make) -> None:
     assert report.ride.ts == TS
     assert verdict(report, "monitor_books").ok is None
     assert report.ok
+
+
+def test_what_the_nodes_refuse_is_left_out(ride_bag: Path, report: Report) -> None:
+    bag = read_bag(ride_bag)
+    states = bag.table("test_rig_sim/state", "RigState")
+    double = states.take(np.sort(np.concatenate([np.arange(len(states)), [700, 701, 702]])))
+    double["cycle"][700] = 10**9
+    double["last"][700] = True
+    double["w_tr"][702] = math.nan  # before the good one of cycle 701
+    books = bag.table("energy_monitor/conserved_quantities", "ConservedQuantities")
+    books["cycle"][30] = 10**9
+    tables = {**bag.tables, states.topic: double}
+    found = analyse(replace(bag, tables=tables), Settings(), read_limits())
+    assert found.tracking == report.tracking and found.conservation == report.conservation
+    assert found.ride.ended and found.streams[0].restarts == 0 and found.streams[0].missing == 0
+    assert found.agreement[0].compared == 149
+    assert any(note.startswith("2 messages on /test_rig_sim/state are left out") for note in found.notes)
 
 
 def test_missing_topic(make: Make) -> None:

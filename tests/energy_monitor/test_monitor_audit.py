@@ -104,6 +104,41 @@ def test_a_rig_message_that_comes_again_counts_once():
     assert audit.quality.samples == 1
 
 
+def test_stray_cycle_numbers_are_refused_and_move_nothing():
+    plain, disturbed, ride = Audit(parameters()), Audit(parameters()), invented(1500)
+    drive(plain, ride)
+    f_tr, v_tr, f_cor, v_cat = (column.tolist() for column in ride)
+    booked = []
+    for k in range(1500):
+        for stray in (10**9, k + 2000) if k % 100 == 50 else ():
+            assert not disturbed.rig(stray, RigSample("stray", 1.0, 0.0, 0.0), True)
+            disturbed.command(stray, CommandSample(1.0, 1.0, 2.0))
+            assert not disturbed.catenary(stray, CatenarySample(0.0, 0.0))
+            disturbed.believed(Entry(stray, 0.0, 0.0, 0.0, 0.0))
+        disturbed.catenary(k, CatenarySample(v_cat[k], f_tr[k - 1] + f_cor[k - 1] if k else 0.0))
+        disturbed.rig(k, RigSample(None, f_tr[k], v_tr[k], 0.1 * k), k == 1499)
+        disturbed.command(k, CommandSample(f_tr[k], f_cor[k], f_tr[k] + f_cor[k]))
+        booked += [cycle for cycle, _ in disturbed.settle(0.0)]
+    assert booked == list(range(1500))
+    assert disturbed.refused == 15 * 2 * 4
+    assert disturbed.matcher.finished and disturbed.matcher.missing == [0, 0, 0]
+    assert disturbed.entry(1499) == plain.entry(1499)
+    assert disturbed.quality.statistics == plain.quality.statistics
+    disturbed.clear()
+    assert disturbed.refused == 0
+
+
+def test_a_ride_that_is_joined_late_is_taken_up():
+    audit, booked = Audit(parameters()), []
+    for k in range(50_000, 51_000):
+        audit.catenary(k, CatenarySample(0.0, 100.0))
+        audit.rig(k, RigSample(None, 100.0, 0.0, 0.0), False)
+        audit.command(k, CommandSample(100.0, 0.0, 100.0))
+        booked += [cycle for cycle, _ in audit.settle(0.0)]
+    assert booked == list(range(50_049, 51_000))
+    assert audit.refused == 3 * 49
+
+
 def test_a_cut_off_beyond_half_the_rate_is_refused():
     with pytest.raises(ParameterError, match=r"contact\.cutoff.*cycle_time"):
         parameters(**{"contact.cutoff": 60.0, "cycle_time": 0.01})

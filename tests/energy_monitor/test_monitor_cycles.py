@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from energy_monitor.cycles import Arrival, CycleMatcher
+from energy_monitor.cycles import AHEAD, CONFIRMED, Arrival, CycleMatcher, JumpFilter
 
 STREAMS = ("rig", "command", "catenary")
 
@@ -139,6 +139,20 @@ def test_a_payload_that_left_the_ring_is_not_given():
     feed(matcher, 0, [4])
     with pytest.raises(KeyError):
         matcher.payload(0, 0)
+
+
+def test_a_stray_number_is_not_believed_but_a_jump_is():
+    jumps = JumpFilter()
+    assert jumps.believes(AHEAD + 7, 7)
+    assert not jumps.believes(AHEAD + 8, 7)
+    # The same stray number again and again, or strays between good ones, are no jump.
+    assert not any(jumps.believes(10**9, 7) for _ in range(2 * CONFIRMED))
+    for k in range(2 * CONFIRMED):
+        assert jumps.believes(7 + k, 7 + k)
+        assert not jumps.believes(10**9 + k, 8 + k)
+    # A stream that goes on from there is one.
+    found = [jumps.believes(5000 + k, 7) for k in range(CONFIRMED)]
+    assert found == [False] * (CONFIRMED - 1) + [True]
 
 
 def test_a_window_is_needed():

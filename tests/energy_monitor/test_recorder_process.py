@@ -159,3 +159,22 @@ def test_a_recording_ends_after_its_duration_and_never_overwrites(publisher, tmp
     text, _ = again.communicate(timeout=20)
     assert again.returncode == 1
     assert "exists already" in text
+
+
+def test_lost_messages_end_with_code_1_and_a_line(tmp_path):
+    # The middleware loses nothing at will: what it would report is put in where the recording would run.
+    code = f"""
+import sys
+from energy_monitor import record
+from energy_monitor.definitions import Definition
+from energy_monitor.recorder import Channel
+
+def lossy(node, recorder, *rest):
+    recorder.channels += [Channel("/a", "t", Definition("", ""), lost=3), Channel("/b", "t", Definition("", ""))]
+
+record._record = lossy
+sys.exit(record.main(["--out", {str(tmp_path / "ride")!r}]))
+"""
+    done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True, timeout=30)
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.splitlines()[-1] == "record: 3 messages were lost, the bag has gaps: /a 3"

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
+import subprocess
+import sys
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -14,6 +18,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+import energy_monitor
+import phil_node
 from energy_monitor.report import ReportError, summary_table, write_report
 from energy_monitor.report.cli import main
 from energy_monitor.report.document import document
@@ -115,6 +121,34 @@ def test_summary_table(written: tuple[Path, Report]) -> None:
     assert "Position error" in text and "holds" in text and "0.142 mm" in text
 
 
+def summary(report: Report) -> str:
+    console = Console(width=120, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+    console.print(summary_table(report))
+    return console.export_text()
+
+
+def test_summary_names_what_was_late_and_refused(written: tuple[Path, Report]) -> None:
+    # The synthetic nodes count two late cycles each and refuse nothing.
+    report = written[1]
+    text = summary(report)
+    assert "Late commands " in text and "Cycles over 2 ms, catenary_model" in text
+    assert "Late cycles" not in text and "over 2 ms, test_rig_sim" not in text and "refused" not in text
+    lockstep = replace(report, parameters={"test_rig_sim": {"mode": "lockstep"}})
+    assert "Late commands" not in summary(lockstep) and "over 2 ms" not in summary(lockstep)
+    refusing = replace(report, timing=[replace(entry, refused=3) for entry in report.timing])
+    assert re.search(r"Messages refused +12", summary(refusing))
+
+
+@pytest.mark.parametrize("cycles", [1, 8, 20, 50])
+def test_very_short_rides_are_drawn_without_warnings(
+    synthetic: Callable[..., Path], tmp_path: Path, cycles: int
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        report = write_report(synthetic(tmp_path / "bag", cycles=cycles), tmp_path / "out")
+    assert report.ok
+
+
 def test_page_of_a_poor_bag(synthetic: Callable[..., Path], tmp_path: Path) -> None:
     # Two cycles, and none of the topics that are not needed.
     more = ("catenary_model/wire_shape", "energy_monitor/conserved_quantities", "impedance_mpc/conserved_quantities")
@@ -122,6 +156,11 @@ def test_page_of_a_poor_bag(synthetic: Callable[..., Path], tmp_path: Path) -> N
     write_report(bag, tmp_path / "out")
     assert (tmp_path / "out" / "report.html").is_file()
     assert not (tmp_path / "out" / "figures" / "wires.png").exists()
+
+
+def environment() -> dict[str, str]:
+    folders = (Path(energy_monitor.__file__).parents[1], Path(phil_node.__file__).parents[1])
+    return dict(os.environ, PYTHONPATH=os.pathsep.join([*map(str, folders), os.environ.get("PYTHONPATH", "")]))
 
 
 def run(*arguments: Any) -> int:
@@ -154,6 +193,66 @@ def test_unusable_input_is_one_line(tmp_path: Path, ride_bag: Path, capsys: pyte
         assert run(*arguments) == 2
         error = capsys.readouterr().err
         assert error.startswith("analyze: ") and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["tiny", "tiny.mcap", "tiny.db3", "/dev/null"])
+def test_what_is_no_bag_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    file = tmp_path / name
+    if not file.exists():
+        file.write_text("hi\n")
+    assert run(file) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"analyze: {file}: ") and error.count("\n") == 1
+    assert "nothing was recorded" not in error
+
+
+def test_numbers_on_standard_output(ride_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(ride_bag, "--no-html", "--out", tmp_path / "out", "--json", "-") == 0
+    text, error = capsys.readouterr()
+    assert json.loads(text)["ok"] is True
+    assert "Position error" in error
+    assert not (tmp_path / "out").exists() and not Path("-").exists()
+
+
+def test_a_device_is_written_to_and_not_replaced(ride_bag: Path, tmp_path: Path) -> None:
+    assert run(ride_bag, "--no-html", "--out", tmp_path, "--json", "/dev/null") == 0
+    assert Path("/dev/null").is_char_device()
+
+
+@pytest.mark.parametrize("place", ["report.html.write_page", "report.document.document_text", "bag.read_bag"])
+def test_an_interruption_leaves_nothing_half(
+    ride_bag: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    place: str,
+) -> None:
+    def stop(*_: Any, **__: Any) -> None:
+        for file in tmp_path.rglob("*"):
+            assert file.name not in ("report.html", "report.json") or place.endswith("text")
+        raise KeyboardInterrupt
+
+    for module in (place.rpartition(".")[0], "report.write"):
+        monkeypatch.setattr(f"energy_monitor.{module}.{place.rpartition('.')[2]}", stop, raising=False)
+    assert run(ride_bag, "--out", tmp_path / "out") == 130
+    assert capsys.readouterr().err == "analyze: interrupted\n"
+    left = {str(file.relative_to(tmp_path)) for file in tmp_path.rglob("*") if file.is_file()}
+    assert not any(name.startswith("out/.") or name == "out/report.json" for name in left)
+    assert place.endswith("text") or left == set()
+
+
+def test_help_needs_nothing_but_python() -> None:
+    blocker = (
+        "import sys\n"
+        "for name in ('rclpy', 'numpy', 'matplotlib', 'rosbags', 'rich', 'yaml', 'scipy'): sys.modules[name] = None\n"
+        "from energy_monitor.{module} import main\n"
+        "main(['--help'])\n"
+    )
+    for module, prog in (("report.cli", "scripts/analyze.sh"), ("record", "scripts/record.sh")):
+        code = blocker.format(module=module)
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment())
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.startswith(f"usage: {prog} ")
 
 
 def test_default_place(synthetic: Callable[..., Path], tmp_path: Path) -> None:

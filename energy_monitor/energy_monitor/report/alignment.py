@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from energy_monitor.bag import Bag, BagError, Table
+from energy_monitor.cycles import AHEAD, JumpFilter
 from energy_monitor.report.results import Stream
 from energy_monitor.topics import CATENARY_STATE, COMMAND, RIG_STATE
 
@@ -39,14 +41,19 @@ def align(bag: Bag) -> Aligned:
         One of the three is not in the bag, or they have no cycle in common.
     """
     names = (
-        (RIG_STATE, "RigState"),
-        (CATENARY_STATE, "CatenaryState"),
-        (COMMAND, "ImpedanceCommand"),
+        (RIG_STATE, "RigState", ("w_tr", "v_tr", "f_tr", "work")),
+        (CATENARY_STATE, "CatenaryState", ("w_cat", "v_cat", "f_cat", "speed")),
+        (COMMAND, "ImpedanceCommand", ("f_tr", "f_cor", "f_cat")),
     )
-    raw = [bag.table(name, kind) for name, kind in names]
+    recorded = [bag.table(name, kind) for name, kind, _ in names]
+    raw = [valid(table, needed) for table, (_, _, needed) in zip(recorded, names, strict=True)]
     streams = [completeness(table) for table in raw]
     rig, *_ = tables = [unique(last_ride(table)) for table in raw]
     notes = []
+    for table, before in zip(raw, recorded, strict=True):
+        if len(table) < len(before):
+            refused = f"{len(before) - len(table)} messages on {table.topic} are left out"
+            notes.append(f"{refused}: NaN, infinity or a cycle number far ahead.")
     if any(stream.restarts for stream in streams):
         notes.append("The nodes were reset while the bag was recorded: the last ride in it is analysed.")
     ended = bool(rig["last"].any())
@@ -97,8 +104,29 @@ def completeness(table: Table) -> Stream:
     )
 
 
+def valid(table: Table, needed: Sequence[str]) -> Table:
+    """Drop what the nodes refuse too: messages with a number that is not finite, or with a stray cycle number."""
+    good = np.logical_and.reduce([np.isfinite(table.real(name)) for name in needed])
+    return believable(table if good.all() else table.take(good))
+
+
+def believable(table: Table) -> Table:
+    """Drop messages whose cycle number is far ahead of the one before and that no others follow there."""
+    cycle = table["cycle"].astype(np.int64)
+    if len(cycle) < 2 or not (np.diff(cycle) > AHEAD).any():
+        return table
+    jumps, expected = JumpFilter(), int(cycle[0]) + 1
+    good = np.zeros(len(cycle), np.bool_)
+    for row, number in enumerate(cycle.tolist()):
+        good[row] = jumps.believes(number, expected)
+        if good[row]:
+            expected = number + 1
+    return table.take(good)
+
+
 def last_ride(table: Table) -> Table:
     """Cut all that came before the last reset, which shows as a cycle number that falls back."""
+    table = believable(table)
     restarts = _restarts(table)
     return table.take(np.arange(restarts[-1], len(table))) if len(restarts) else table
 

@@ -7,15 +7,18 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-OK, FAILED, UNUSABLE = 0, 1, 2
+from energy_monitor.command_line import UNUSABLE, Parser, seconds
+
+OK, FAILED, INTERRUPTED = 0, 1, 130
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(
-        prog="analyze",
+    parser = Parser(
+        prog="scripts/analyze.sh",
         description="Make the report of a recorded ride: report.json, report.html, ride.png and figures.",
-        epilog="Exit code: 0 every requirement holds, 1 one fails, 2 the bag or another input cannot be used.",
+        epilog="Exit code: 0 every requirement holds, 1 one fails, 2 the bag or another input cannot be used, "
+        "130 interrupted.",
     )
     add = parser.add_argument
     add(
@@ -24,17 +27,30 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add("--out", type=Path, metavar="DIR", help="folder of the report (the ride's own, or BAG_report beside the bag)")
     add("--params", type=Path, metavar="FILE", help="parameters that the ride ran with (params.yaml beside the bag)")
     add("--limits", type=Path, metavar="FILE", help="YAML with limits of the verdicts that replace the usual ones")
-    add("--run-in", type=_seconds, metavar="S", help="seconds at the beginning that the statistics leave out")
+    add("--run-in", type=seconds, metavar="S", help="seconds at the beginning that the statistics leave out")
     add("--namespace", metavar="NS", help="namespace of the ride's nodes, where the bag holds several")
     add("--no-html", action="store_true", help="numbers only: neither page nor figures")
-    add("--json", type=Path, metavar="FILE", help="where the numbers go (report.json in the report's folder)")
+    add(
+        "--json",
+        type=Path,
+        metavar="FILE",
+        help="where the numbers go (report.json in the report's folder); -: standard output, the summary then goes to "
+        "standard error",
+    )
     return parser.parse_args(argv)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make the report and print its summary; 0 every requirement holds, 1 one fails, 2 unusable input."""
+    """Make the report and print its summary; 0 every requirement holds, 1 one fails, 2 unusable input, 130 stopped."""
     options = arguments(argv)
+    try:
+        return _analyze(options)
+    except KeyboardInterrupt:
+        print("analyze: interrupted", file=sys.stderr)
+        return INTERRUPTED
 
+
+def _analyze(options: argparse.Namespace) -> int:
     from rich.console import Console
 
     from energy_monitor.report.table import summary_table
@@ -54,15 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ReportError as error:
         print(f"analyze: {error}", file=sys.stderr)
         return UNUSABLE
-    Console().print(summary_table(report))
+    Console(stderr=str(options.json) == "-").print(summary_table(report))
     return OK if report.ok else FAILED
-
-
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a time of 0 s or more")
-    return value
 
 
 if __name__ == "__main__":

@@ -27,9 +27,13 @@ def document(report: Report) -> dict[str, Any]:
 
 def write_document(report: Report, path: Path) -> Path:
     """Write the document to a file as strict JSON (no NaN)."""
-    text = json.dumps(document(report), indent=2, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    path.write_text(document_text(report), encoding="utf-8")
     return path
+
+
+def document_text(report: Report) -> str:
+    """Give the document as strict JSON (no NaN)."""
+    return json.dumps(document(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _plain(value: Any) -> Any:

@@ -18,6 +18,7 @@ from energy_monitor.report.style import (
     MUTED,
     RIG,
     WIRE,
+    extent,
     figure,
     legend_above,
     plain_logarithmic,
@@ -72,7 +73,7 @@ def displacement(report: Report) -> Any:
             shown = (series.time >= begin) & (series.time <= end)
             _displacement(upper, series, shown)
             lower.plot(series.time[shown], error[shown], color=INK, linewidth=0.8)
-            lower.set_xlim(begin, end)
+            extent(lower, begin, end)
             lower.set_xlabel("time in s")
         axes[0, 0].set_title("Contact point, whole ride")
         axes[0, 1].set_title("Close-up")
@@ -115,6 +116,8 @@ def spectrum(report: Report) -> Any:
         top = float(density.max())
         marks = [(20.0, "20 Hz low-pass", MUTED)]
         marks += [(f, f"{name} {f:.3g} Hz", INK) for name, f in wires.passing(report).items()]
+        # What lies outside is left out: its text would still take room of the axes.
+        marks = [mark for mark in marks if frequency[0] <= mark[0] <= frequency[-1]]
         for row, (at, text, colour) in enumerate(marks):
             axes.axvline(at, color=colour, linewidth=0.8, linestyle="--" if colour == MUTED else ":")
             axes.text(
@@ -122,7 +125,7 @@ def spectrum(report: Report) -> Any:
                 transform=axes.get_xaxis_transform(),
             )  # fmt: skip
         axes.set_ylim(max(float(density.min()) * 0.5, top * 1e-9), top * 30.0)
-        axes.set_xlim(frequency[0], frequency[-1])
+        extent(axes, frequency[0], frequency[-1])
         plain_logarithmic(axes.xaxis)
         axes.set_xlabel("frequency in Hz")
         axes.set_ylabel("density in N²/Hz")
@@ -176,7 +179,7 @@ def correction(report: Report) -> Any:
             axes.plot(
                 time, series.f_cor[shown], color=INK, linewidth=0.8, drawstyle="steps-post", label="$F_\\mathrm{cor}$"
             )
-            axes.set_xlim(begin, end)
+            extent(axes, begin, end)
             axes.set_xlabel("time in s")
         both[0].axvspan(*window, color=FAINT, alpha=0.2, linewidth=0)
         both[0].set_ylabel("force in N")
@@ -242,7 +245,7 @@ def overview(report: Report) -> Any:
         rows[2].set_xlabel("time in s")
         legend_above(rows[2], 5)
         for axes in rows[1:]:
-            axes.set_xlim(*window)
+            extent(axes, *window)
         rows[1].tick_params(labelbottom=False)
         drawing.align_ylabels(rows)
         return drawing
@@ -268,7 +271,7 @@ def _force(axes: Any, report: Report, shown: Any) -> None:
         (v for v in report.verdicts if v.key.endswith("_mean") and v.low is not None and v.high is not None), None
     )
     if rule is not None:
-        axes.axhspan(rule.low, rule.high, color=MONITOR, alpha=0.12, linewidth=0, label="allowed mean")
+        axes.axhspan(rule.low, rule.high, color=MONITOR, alpha=0.12, linewidth=0, label="standard, mean")
     axes.set_ylabel("force in N")
     values: Floats = np.concatenate(
         [series.f_filtered[shown], series.f_raw[shown], [force.statistical_minimum, force.statistical_maximum]]

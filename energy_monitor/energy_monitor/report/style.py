@@ -104,6 +104,14 @@ def plain_logarithmic(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def extent(axes: Any, begin: float, end: float) -> None:
+    """Set the horizontal range; one that holds a single instant gets a width."""
+    if not end > begin:
+        half = 1e-3 * max(abs(begin), 1.0)
+        begin, end = begin - half, begin + half
+    axes.set_xlim(begin, end)
+
+
 def room(axes: Any, values: Floats, share: float = 0.08, least: float = 0.0) -> None:
     """Set the vertical range to the finite values and some room, `least` high at least."""
     finite = values[np.isfinite(values)]
@@ -111,5 +119,6 @@ def room(axes: Any, values: Floats, share: float = 0.08, least: float = 0.0) -> 
         return
     low, high = float(finite.min()), float(finite.max())
     missing = max(least - (high - low), 0.0)
-    margin = share * max(high - low, least, 1e-12) + 0.5 * missing
+    smallest = max(1e-6 * max(abs(low), abs(high)), 1e-12)  # equal values still need a range
+    margin = share * max(high - low, least, smallest) + 0.5 * missing
     axes.set_ylim(low - margin, high + margin)

@@ -41,9 +41,15 @@ def summary_table(report: Report) -> Table:
     table.add_row("Contact force, extremes", f"{number(force.minimum, 3)} to {number(force.maximum, 3)} N")
     table.add_row("Energy exchanged", f"{number(report.conservation.exchanged_energy)} J")
     table.add_row("Simulated over wall time", number(ride.speed_factor, 3))
+    # In lockstep everybody waits for everybody: a cycle takes as long as it takes.
+    lockstep = report.parameters.get("test_rig_sim", {}).get("mode") == "lockstep"
     for entry in report.timing:
-        if entry.late:
-            table.add_row(f"Late cycles, {entry.node}", str(entry.late))
+        if entry.late and not lockstep:
+            of_rig = entry.node == "test_rig_sim"
+            label = "Late commands" if of_rig else f"Cycles over {entry.budget * 1e3:g} ms, {entry.node}"
+            table.add_row(label, str(entry.late))
+    if refused := sum(entry.refused for entry in report.timing):
+        table.add_row("Messages refused", str(refused))
     return table
 
 

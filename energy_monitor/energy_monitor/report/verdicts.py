@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ __all__ = ["Limits", "LimitsError", "judge", "read_limits"]
 STANDARD = "en50367_ac"
 """Standard for the contact force where neither limits nor parameters name one."""
 
+_RUN_IN_ONLY = "not judged: the ride is not longer than its run-in"
 _OF_EXCHANGED = "largest difference from the recomputed sums over what was exchanged"
 
 
@@ -33,6 +35,8 @@ class Limits(BaseModel):
     position_error_rms: float = Field(ge=0.0)
     energy_error_share: float = Field(ge=0.0)
     loss_share: float = Field(ge=0.0, le=1.0)
+    mean_force_low: float = Field(ge=0.0)
+    mean_force_high: float = Field(ge=0.0)
     missing_cycles: int = Field(ge=0)
     agreement_share: float = Field(ge=0.0)
     mismatches: int = Field(ge=0)
@@ -80,8 +84,13 @@ def judge(
     quality: Sequence[Agreement],
     retracted: int,
     mismatches: int,
+    uplift_force: float | None = None,
+    beyond_run_in: bool = True,
 ) -> list[Verdict]:
     """Hold the results of a ride at `speed` (m/s) against the limits.
+
+    `uplift_force` in N is None where the ride's parameters are not known. What a ride is like in its run-in is not
+    judged: if there is nothing `beyond_run_in`, position, energy and force are open.
 
     Raises
     ------
@@ -98,6 +107,7 @@ def judge(
             "energy", "Energy error |dE|, of exchanged", energy_share, limits.energy_error_share * 100.0, "%",
             "largest |dE| of the ride over the exchanged energy, eq. (3.46)",
         ),
+        _mean_force(limits, force, uplift_force),
         _at_most("contact", "Time without contact", force.loss_share * 100.0, limits.loss_share * 100.0, "%"),
         _at_most("cycles", "Missing cycles", float(len(aligned.missing)), float(limits.missing_cycles), ""),
         Verdict("ended", "Ride came to its last cycle", float(aligned.ended), 1.0, None, TRUTH, aligned.ended),
@@ -108,6 +118,14 @@ def judge(
         ),
     ]  # fmt: skip
     verdicts += _standard(limits, speed, force)
+    if not beyond_run_in:
+        steady = {"position", "energy", "mean_force", "contact"}
+        verdicts = [
+            replace(verdict, ok=None, source=_RUN_IN_ONLY)
+            if verdict.key in steady or verdict.key.startswith(f"{limits.standard or STANDARD}_")
+            else verdict
+            for verdict in verdicts
+        ]
     whole = not aligned.missing  # with gaps the sums differ by what is not in the bag
     known = {entry.source: entry for entry in books}
     subjects: list[tuple[str, str, str, Agreement | None]] = [
@@ -120,6 +138,16 @@ def judge(
 
 def _at_most(key: str, name: str, value: float | None, limit: float, unit: str, source: str = "") -> Verdict:
     return Verdict(key, name, value, None, limit, unit, None if value is None else value <= limit, source=source)
+
+
+def _mean_force(limits: Limits, force: ContactForce, uplift_force: float | None) -> Verdict:
+    low, high = limits.mean_force_low, limits.mean_force_high
+    verdict = Verdict("mean_force", "Mean contact force, of the uplift force", None, low, high, "", None)
+    if uplift_force is None or uplift_force <= 0.0:
+        return replace(verdict, source="the ride's parameter test_rig_sim.uplift_force is not known")
+    value = force.mean / uplift_force
+    source = f"Fm over test_rig_sim.uplift_force = {uplift_force:g} N"
+    return replace(verdict, value=value, ok=low <= value <= high, source=source)
 
 
 def _agreement(key: str, name: str, source: str, agreement: Agreement | None, limits: Limits, whole: bool) -> Verdict:

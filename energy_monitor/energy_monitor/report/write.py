@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import platform
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from energy_monitor.analysis import Settings, analyse
 from energy_monitor.bag import Bag, BagError, read_bag
 from energy_monitor.limits import LimitsError
-from energy_monitor.report.document import write_document
+from energy_monitor.report.document import document_text, write_document
 from energy_monitor.report.results import Report
 from energy_monitor.report.verdicts import STANDARD, Limits, read_limits
 from phil_node.parameters import ParameterError, defaults, read_file
@@ -38,7 +42,8 @@ def write_report(
 
     `out_dir` is by default the ride's folder, or a folder beside the bag. `params` (by default params.yaml beside the
     bag) is the parameter file of the ride, `limits` overrides single limits of the verdicts, `run_in` in s what the
-    statistics leave out, `json_file` the place of report.json. `html` False leaves out page and figures.
+    statistics leave out, `json_file` the place of report.json ("-": standard output). `html` False leaves out page and
+    figures. A file appears when it is whole: what interrupts the work leaves an earlier report as it was.
 
     Raises
     ------
@@ -58,21 +63,51 @@ def write_report(
             versions=versions(),
         )
         out = Path(out_dir) if out_dir else default_folder(bag)
-        out.mkdir(parents=True, exist_ok=True)
-        write_document(report, Path(json_file) if json_file else out / "report.json")
+        if html or not json_file:
+            out.mkdir(parents=True, exist_ok=True)
         if html:
-            # matplotlib takes half a second to load, which a mere check of the numbers does not need.
-            from energy_monitor.report.figures import draw_all
-            from energy_monitor.report.html import write_page
-
-            figures = draw_all(report, out / "figures")
-            write_page(report, figures, out / "report.html")
-            figures["ride"].replace(out / "ride.png")
+            _write_pictures(report, out)
+        if str(json_file) == "-":
+            sys.stdout.write(document_text(report))
+            sys.stdout.flush()
+        else:
+            with whole(Path(json_file) if json_file else out / "report.json") as draft:
+                write_document(report, draft)
     except (BagError, ParameterError, LimitsError) as error:
         raise ReportError(" ".join(str(error).split())) from error
     except OSError as error:
         raise ReportError(f"{error.filename or out_dir}: {error.strerror or error}") from error
     return report
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Give a temporary name beside `path` to write to; it takes the place of `path` only if nothing went wrong."""
+    if path.exists() and not path.is_file():  # /dev/null, a pipe: never to be replaced
+        yield path
+        return
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        yield draft
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _write_pictures(report: Report, out: Path) -> None:
+    """Make page and figures in a folder of their own, then put them in place."""
+    # matplotlib takes half a second to load, which a mere check of the numbers does not need.
+    from energy_monitor.report.figures import draw_all
+    from energy_monitor.report.html import write_page
+
+    with TemporaryDirectory(prefix=".report_", dir=out) as name:
+        drafts = Path(name)
+        figures = draw_all(report, drafts)
+        write_page(report, figures, drafts / "report.html")
+        (out / "figures").mkdir(exist_ok=True)
+        for figure, file in figures.items():
+            file.replace(out / "ride.png" if figure == "ride" else out / "figures" / file.name)
+        (drafts / "report.html").replace(out / "report.html")
 
 
 def parameter_file(bag: Bag, given: Path | str | None) -> Path | None:
