@@ -25,17 +25,19 @@ def remove_litter(before: frozenset[str], folder: Path = SHM) -> list[str]:
     A living Fast DDS process holds a lock on the ``*_el`` file of each of its segments and on those of its ports:
     what is locked, or belongs to a name that is, stays.
     """
+    names = litter(before, folder)
+    for name in names:
+        (folder / name).unlink(missing_ok=True)
+    return names
+
+
+def litter(before: frozenset[str], folder: Path = SHM) -> list[str]:
+    """List what :func:`remove_litter` would remove."""
     there = [name for name in snapshot(folder) if name.startswith(OURS)]
     # The tracing library's file carries no lock: an old one may be in use.
     fresh = [name for name in there if name not in before or ("lttng" not in name and _old(folder / name))]
     busy = {_stem(name) for name in there if name.endswith(("_el", "_sl")) and _locked(folder / name)}
-    removed = []
-    for name in sorted(fresh):
-        if _stem(name) in busy:
-            continue
-        (folder / name).unlink(missing_ok=True)
-        removed.append(name)
-    return removed
+    return sorted(name for name in fresh if _stem(name) not in busy)
 
 
 def _old(path: Path) -> bool:

@@ -47,8 +47,6 @@ def environment():
     package = str(Path(energy_monitor.__file__).resolve().parents[1])
     return dict(
         os.environ,
-        ROS_DOMAIN_ID=str(10 + os.getpid() % 90),
-        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
         PYTHONPATH=os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH", "")])),
     )
 

@@ -1,4 +1,4 @@
-"""Rides with the real nodes, each test session on a ROS domain of its own."""
+"""Rides with the real nodes."""
 
 from __future__ import annotations
 
@@ -10,17 +10,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-DOMAIN = 10 + os.getpid() % 90
-
-
-def environment() -> dict[str, str]:
-    """Give the environment of a ride: this test session's domain, this machine only."""
-    env = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN))
-    if not env.get("ROS_LOCALHOST_ONLY"):
-        env["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    return env
 
 
 def processes_of(out: Path) -> list[int]:
@@ -50,7 +39,6 @@ class RideProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env=environment(),
             start_new_session=True,
         )
 
@@ -107,7 +95,7 @@ def leftovers() -> Callable[[Path], list[int]]:
 @pytest.fixture(scope="session")
 def node_environment() -> dict[str, str]:
     """Give the environment for nodes that a test starts by itself."""
-    return environment()
+    return dict(os.environ)
 
 
 @pytest.fixture(scope="session")

@@ -82,8 +82,7 @@ class Ride:
 
 
 @pytest.fixture
-def ride(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Ride]]:
-    monkeypatch.setenv("ROS_DOMAIN_ID", "87")
+def ride(request: pytest.FixtureRequest) -> Iterator[Callable[..., Ride]]:
     rides: list[Ride] = []
 
     def make(answer: Answer, **parameters: Any) -> Ride:

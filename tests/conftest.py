@@ -1,0 +1,29 @@
+"""Every test session rides on a ROS domain of its own: no talk with a ride on this machine, or with another session."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import tempfile
+from pathlib import Path
+from typing import IO
+
+
+def _claim_domain() -> IO[str]:
+    """Take the first free domain from 101 down; the lock on its file holds as long as this process lives."""
+    for domain in range(101, 10, -1):
+        path = Path(tempfile.gettempdir()) / f"phil-tests-domain-{domain}"
+        handle = path.open("w")
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            handle.close()
+            continue
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        if not os.environ.get("ROS_LOCALHOST_ONLY"):
+            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        return handle
+    raise RuntimeError("no ROS domain from 11 to 101 is free for the tests")
+
+
+_CLAIM = _claim_domain()
