@@ -13,7 +13,7 @@ from catenary_model.model import Catenary
 from catenary_model.parameters import Parameters
 from catenary_model.sequence import Sequence, Verdict
 from phil_node.base import ERROR, OK, WARN, Diagnosis, PhilNode, run
-from phil_node.qos import CYCLE, LATCHED, VIEW
+from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED, VIEW
 
 FRAME = "train"
 WARM_UP_CYCLES = 20
@@ -33,7 +33,7 @@ class CatenaryNode(PhilNode[Parameters]):
         self._bridged = 0
         self._ts_ns = round(p.cycle_time * 1e9)
         self._shape_every = p.wire_shape_every
-        self._state_publisher = self.publish_on(CatenaryState, "~/state", CYCLE)
+        self._state_publisher = self.publish_on(CatenaryState, "~/state", CYCLE_KEPT)
         self._shape_publisher = self.publish_on(WireShape, "~/wire_shape", VIEW)
         model_publisher = self.publish_always(ImpedanceModel, "~/impedance_model", LATCHED)
         self.time_cycles(p.cycle_time)

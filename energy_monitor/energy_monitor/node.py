@@ -17,10 +17,17 @@ from energy_monitor.limits import evaluate, load, verdict
 from energy_monitor.parameters import Parameters
 from phil_node.base import Diagnosis, PhilNode, run
 from phil_node.guard import finite
-from phil_node.qos import CYCLE
+from phil_node.qos import CYCLE, CYCLE_KEPT
 
-DEEP = QoSProfile(history=CYCLE.history, depth=5000, reliability=CYCLE.reliability, durability=CYCLE.durability)
-"""Like CYCLE, but a ride in lockstep may be faster than this node for a while: nobody waits for it."""
+
+def _deep(profile: QoSProfile) -> QoSProfile:
+    """Deepen a profile: a ride in lockstep may be faster than this node for a while, and nobody waits for it."""
+    return QoSProfile(
+        history=profile.history, depth=5000, reliability=profile.reliability, durability=profile.durability
+    )
+
+
+DEEP, DEEP_KEPT = _deep(CYCLE), _deep(CYCLE_KEPT)
 
 
 class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
@@ -53,10 +60,10 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         self._quality_out = self.publish_on(ContactQuality, topics.CONTACT_QUALITY)
         self._books_out = self.publish_on(ConservedQuantities, topics.AUDITED)
         self.listen(RigState, topics.RIG_STATE, DEEP, self._on_rig)
-        self.listen(ImpedanceCommand, topics.COMMAND, DEEP, self._on_command)
+        self.listen(ImpedanceCommand, topics.COMMAND, DEEP_KEPT, self._on_command)
         self.listen(ConservedQuantities, topics.BELIEVED, DEEP, self._on_believed)
         # Not by listen(): the catenary's initial state may come before this node is active, and belongs to the books.
-        self._catenary = self.create_subscription(CatenaryState, topics.CATENARY_STATE, self._on_catenary, DEEP)
+        self._catenary = self.create_subscription(CatenaryState, topics.CATENARY_STATE, self._on_catenary, DEEP_KEPT)
         self.time_cycles(parameters.cycle_time)
 
     def discard(self) -> None:

@@ -17,7 +17,7 @@ from impedance_mpc.parameters import Parameters
 from impedance_mpc.plant import Impedance
 from phil_node.base import WARN, Diagnosis, PhilNode, run
 from phil_node.guard import finite, finite_array
-from phil_node.qos import CYCLE, LATCHED
+from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED
 
 BOOKS_EVERY = 10
 """Cycles from one message of the conserved quantities to the next."""
@@ -48,7 +48,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.answer.header.frame_id = "rig"
         self.quantities = ConservedQuantities()
         self.quantities.header.frame_id = "rig"
-        self.commands = self.publish_on(ImpedanceCommand, "impedance_mpc/command", CYCLE)
+        self.commands = self.publish_on(ImpedanceCommand, "impedance_mpc/command", CYCLE_KEPT)
         self.books = self.publish_on(ConservedQuantities, "impedance_mpc/conserved_quantities", CYCLE)
         self.time_cycles(self.parameters.cycle_time)
         self.serve(SetBool, "~/set_correction", self._set_correction)

@@ -1,4 +1,4 @@
-"""The three kinds of topics and their quality of service."""
+"""The kinds of topics and their quality of service."""
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -10,6 +10,16 @@ CYCLE = QoSProfile(
 )
 """One sample a cycle. Reliable: a lost cycle breaks the books and the wire's state. 1000 deep: a listener that the
 machine holds up for a second or two still gets every cycle; a writer keeps what a slow one has not acknowledged."""
+
+CYCLE_KEPT = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1000,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Like CYCLE, and the last 1000 samples are kept for who is matched late: what the catenary and the controller offer.
+The rig waits for its listeners before cycle 0, they cannot; a monitor or recorder that asks for it misses no cycle of
+theirs. Nodes of the loop ask for CYCLE: they take what comes from now on."""
 
 LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
