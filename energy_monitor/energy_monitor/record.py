@@ -299,7 +299,10 @@ def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Name
     from rclpy.task import Future
 
     from phil_node.executor import events_executor
+    from phil_node.scheduling import go_first
 
+    # A ride that was granted real-time scheduling would starve a recorder without it, and the bag would have gaps.
+    go_first([os.getpid()])
     never = Future()
     executor = events_executor()
     executor.add_node(node)

@@ -6,12 +6,14 @@ import gc
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from time import monotonic
 from typing import Any, Generic, TypeVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from phil_interfaces.msg import CycleTiming
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -30,6 +32,8 @@ from phil_node.timing import Timing
 P = TypeVar("P", bound=Group)
 RCLError = rclpy_implementation.RCLError
 
+HAND_OVER = 1.0
+"""Time in s that listeners have to take the last messages when a node is deactivated."""
 QUIET = 1.0
 """Time in s without a cycle after which a ride counts as over."""
 
@@ -230,6 +234,14 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         gc.enable()
         gc.unfreeze()
         self.stop()
+        self._hand_over()
+
+    def _hand_over(self) -> None:
+        """Let slow listeners take what was sent: with the publisher its samples go. A dead listener costs a second."""
+        deadline = monotonic() + HAND_OVER
+        for destroy, entity in self._owned:
+            if destroy == self.destroy_lifecycle_publisher:
+                entity.wait_for_all_acked(Duration(seconds=max(0.0, deadline - monotonic())))
 
     def _tear_down(self) -> None:
         self.configured = False

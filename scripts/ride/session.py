@@ -14,10 +14,10 @@ from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 
 from phil_node.executor import events_executor
+from phil_node.scheduling import go_first
 from ride.lifecycle import ACTIVATE, CONFIGURE, DEACTIVATE, Managed, RideError
 from ride.options import Options
 from ride.processes import Process, end_all
-from ride.scheduling import go_first
 from ride.settings import NODES, Settings
 from ride.shared_memory import remove_litter, snapshot
 from ride.watch import Display, Watch

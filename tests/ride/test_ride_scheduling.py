@@ -5,8 +5,8 @@ import time
 
 import pytest
 
+from phil_node.scheduling import PRIORITY, go_first
 from ride.processes import Process, end_all
-from ride.scheduling import PRIORITY, go_first
 
 SLEEP = "import threading, time; threading.Thread(target=time.sleep, args=(60,), daemon=True).start(); time.sleep(60)"
 
