@@ -8,6 +8,8 @@ import tempfile
 from pathlib import Path
 from typing import IO
 
+from hypothesis import settings
+
 
 def _claim_domain() -> IO[str]:
     """Take the first free domain from 101 down; the lock on its file holds as long as this process lives."""
@@ -27,3 +29,7 @@ def _claim_domain() -> IO[str]:
 
 
 _CLAIM = _claim_domain()
+
+# The first example of a test may compile a kernel, which takes seconds: time is no property that is tested here.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")

@@ -64,7 +64,8 @@ def analyse(
     BagError
         A cycle topic is missing, or the three have no cycle in common.
     """
-    aligned = align(bag)
+    # A ride whose parameters are at hand was recorded from its first cycle on.
+    aligned = align(bag, whole=_uplift_force(parameters or {}) is not None)
     ts = cycle_time(bag, aligned.rig)
     series = _series(bag, aligned, ts, settings)
     speed = float(np.median(aligned.catenary["speed"]))
@@ -99,6 +100,8 @@ def analyse(
             quality,
             nodes.retracted(aligned),
             nodes.mismatches(aligned),
+            fallbacks=nodes.solver(aligned).fallbacks,
+            bridged=nodes.bridged(aligned),
             uplift_force=_uplift_force(parameters or {}),
             beyond_run_in=beyond_run_in,
         ),

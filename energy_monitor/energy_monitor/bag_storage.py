@@ -124,6 +124,7 @@ def _with_metadata(directory: Path, files: tuple[Path, ...]) -> Source:
         information = yaml.safe_load(metadata.read_text())["rosbag2_bagfile_information"]
         listed = [directory / Path(name).name for name in information["relative_file_paths"]]
     except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+        source.complete = False
         return source
     present = [file for file in listed if file.exists()]
     source.complete = len(present) == len(listed)

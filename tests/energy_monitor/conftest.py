@@ -39,6 +39,7 @@ class SyntheticRide:
     modes: dict[int, int] = field(default_factory=dict)  # rig mode from a cycle on
     no_contact: tuple[int, ...] = ()  # cycles with zero force
     mismatches: tuple[int, ...] = ()  # cycles whose force did not reach the catenary as it was sent
+    fallbacks: tuple[int, ...] = ()  # cycles that the controller answered by its old plan
     quality_error: float = 0.0  # N, slip in the monitor's mean force
     last: bool = True
     segment: int = 6
@@ -140,7 +141,7 @@ def _messages(ride: SyntheticRide, store: Any) -> Iterable[tuple[int, str, str, 
         yield at + 1, "impedance_mpc/command", *make(
             "ImpedanceCommand", header=header(k, "rig"), cycle=k, u_tr=0.0, u_tr_next=0.0, f_tr=f_tr, f_cor=f_cor,
             f_cat=f_tr + f_cor, f_cor_lower=-ride.bound, f_cor_upper=ride.bound, correction=1,
-            status=int(k % 100 == 99),
+            status=2 if k in ride.fallbacks else int(k % 100 == 99),
             iterations=3 + k % 2, fallbacks=0,
         )  # fmt: skip
         felt = f_tr + f_cor + (1.0 if k in ride.mismatches else 0.0)

@@ -175,6 +175,10 @@ def test_good_ride_passes(report: Report) -> None:
         ({"mean_force": 100.0, "parameters": UPLIFT}, "mean_force"),
         ({"last": False}, "ended"),
         ({"mismatches": (50,)}, "mismatches"),
+        ({"fallbacks": (50, 60)}, "fallbacks"),
+        ({"first": 5, "parameters": UPLIFT}, "cycles"),
+        ({"without": ("energy_monitor/conserved_quantities",), "parameters": UPLIFT}, "monitor_books"),
+        ({"without": ("impedance_mpc/conserved_quantities",), "parameters": UPLIFT}, "controller_books"),
     ],
 )
 def test_bad_ride_fails(make: Make, ride: dict[str, Any], key: str) -> None:
@@ -186,6 +190,13 @@ def test_bad_ride_fails(make: Make, ride: dict[str, Any], key: str) -> None:
 def test_information_does_not_decide(make: Make) -> None:
     report = make(amplitude=70.0)  # sigma 49 N, more than 0.3 of 120 N
     assert verdict(report, "en50367_ac_sigma").ok is False
+    assert report.ok
+
+
+def test_bridged_cycles_are_told_and_do_not_decide(make: Make) -> None:
+    report = make(modes={800: 2, 802: 3, 805: 1})
+    bridged = verdict(report, "bridged")
+    assert (bridged.value, bridged.ok, bridged.binding) == (5.0, False, False)
     assert report.ok
 
 

@@ -52,7 +52,7 @@ class RideProcess:
 
     def wait_until_riding(self, seconds: float = 120.0) -> None:
         """Wait until the bag grows."""
-        self.wait_until(lambda: sum(f.stat().st_size for f in self.out.glob("bag/*.mcap")) > 300_000, seconds)
+        self.wait_until(lambda: sum(f.stat().st_size for f in self.out.glob("bag/*.mcap")) > 1_000_000, seconds)
 
     def finish(self, seconds: float = 120.0) -> str:
         """Wait for the end; give all that was printed."""

@@ -210,5 +210,5 @@ def test_emergency_stop_retracts_and_nothing_rearms(bench):
     assert one.until(lambda: bool(states))
     assert one.call(Trigger, "test_rig_sim/emergency_stop", Trigger.Request()).success
     assert one.until(lambda: states[-1].mode in (RigState.MODE_RETRACTING, RigState.MODE_STOPPED))
-    assert one.until(lambda: one.status["test_rig_sim"].level == b"\x02")
+    assert one.until(lambda: "test_rig_sim" in one.status and one.status["test_rig_sim"].level == b"\x02")
     assert "emergency stop" in one.status["test_rig_sim"].message

@@ -32,8 +32,10 @@ class Aligned:
     notes: list[str]
 
 
-def align(bag: Bag) -> Aligned:
+def align(bag: Bag, whole: bool = False) -> Aligned:
     """Bring rig state, catenary state and command together by cycle number.
+
+    A ride that was recorded as a `whole` has to begin with cycle 0; otherwise the recording may begin later.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def align(bag: Bag) -> Aligned:
         notes.append("The nodes were reset while the bag was recorded: the last ride in it is analysed.")
     ended = bool(rig["last"].any())
     cycles = [table["cycle"].astype(np.int64) for table in tables]
-    begin = 0 if cycles[0][0] == 0 else max(int(c[0]) for c in cycles)
+    begin = 0 if whole or cycles[0][0] == 0 else max(int(c[0]) for c in cycles)
     end = int(cycles[0][-1]) if ended else min(int(c[-1]) for c in cycles)
     if begin > 0:
         notes.append(f"The recording began at cycle {begin}: energy and momentum are summed from there on.")

@@ -37,6 +37,12 @@ def retracted(aligned: Aligned) -> int:
     return int((aligned.rig["mode"] >= MODES.index("retracting")).sum())
 
 
+def bridged(aligned: Aligned) -> int:
+    """Count the cycles in which the rig had no command of that cycle and went on by itself."""
+    mode = aligned.rig["mode"]
+    return int(((mode == MODES.index("bridging")) | (mode == MODES.index("holding"))).sum())
+
+
 def mismatches(aligned: Aligned) -> int:
     """Count the cycles in which a force is not the one that was sent, up to the rounding of one addition.
 

@@ -40,6 +40,7 @@ class Limits(BaseModel):
     missing_cycles: int = Field(ge=0)
     agreement_share: float = Field(ge=0.0)
     mismatches: int = Field(ge=0)
+    fallbacks: int = Field(ge=0)
     standard: str
     standard_file: str
     standard_binding: list[str]
@@ -84,13 +85,16 @@ def judge(
     quality: Sequence[Agreement],
     retracted: int,
     mismatches: int,
+    fallbacks: int,
+    bridged: int,
     uplift_force: float | None = None,
     beyond_run_in: bool = True,
 ) -> list[Verdict]:
     """Hold the results of a ride at `speed` (m/s) against the limits.
 
-    `uplift_force` in N is None where the ride's parameters are not known. What a ride is like in its run-in is not
-    judged: if there is nothing `beyond_run_in`, position, energy and force are open.
+    `retracted`, `mismatches`, `fallbacks` and `bridged` count cycles. `uplift_force` in N is None where the ride's
+    parameters are not known. What a ride is like in its run-in is not judged: if there is nothing
+    `beyond_run_in`, position, energy and force are open.
 
     Raises
     ------
@@ -116,6 +120,10 @@ def judge(
             "mismatches", "Cycles with another force than was sent", float(mismatches), float(limits.mismatches), "",
             "F_tr from rig to controller, F_cat = F_tr + F_cor, F_cat from controller to catenary, eq. (3.45)",
         ),
+        _at_most("fallbacks", "Cycles answered by the shifted plan", float(fallbacks), float(limits.fallbacks), ""),
+        replace(
+            _at_most("bridged", "Cycles bridged or held without a command", float(bridged), 0.0, ""), binding=False
+        ),
     ]  # fmt: skip
     verdicts += _standard(limits, speed, force)
     if not beyond_run_in:
@@ -133,7 +141,16 @@ def judge(
         ("controller_books", "Controller's books are off by", _OF_EXCHANGED, known.get("impedance_mpc")),
         ("monitor_force", "Monitor's force figures are off by", "over the mean force", next(iter(quality), None)),
     ]
-    return verdicts + [_agreement(key, name, source, found, limits, whole) for key, name, source, found in subjects]
+    found = [_agreement(key, name, source, entry, limits, whole) for key, name, source, entry in subjects]
+    if uplift_force is not None:
+        # A ride whose parameters are known had both nodes: without their books it was not audited.
+        found = [
+            replace(verdict, ok=False, source="the ride was not audited: not in the bag")
+            if entry is None and verdict.key.endswith("_books")
+            else verdict
+            for verdict, (_, _, _, entry) in zip(found, subjects, strict=True)
+        ]
+    return verdicts + found
 
 
 def _at_most(key: str, name: str, value: float | None, limit: float, unit: str, source: str = "") -> Verdict:
