@@ -292,3 +292,20 @@ def test_kernels_allocate_nothing_and_agree_with_numpy():
     p, g = rng.normal(size=c._p.size), np.zeros(c._g.size)
     controller_module._gradient(c.program.gradient_t, p, g)
     np.testing.assert_allclose(g, c.program.gradient_t.T @ p, rtol=1e-12, atol=1e-9)
+
+
+def test_the_correction_force_changes_no_faster_than_its_limit():
+    """1000 N/s are 2 N a cycle of 2 ms, however large the energy error is; 1e-3 N is the program's tolerance."""
+    c = mass_controller(correction_rate_limit=1000.0, correction_cap=10.0)
+    c.books.e_tr = 50.0
+    found = [call(c, w_tr=0.0, v_tr=0.1, f_tr=100.0, w_cat=0.0, v_cat=0.1).f_cor for _ in range(12)]
+    assert np.abs(np.diff([0.0, *found])).max() <= 2.0 + 1e-3
+    assert max(found) == pytest.approx(10.0, abs=1e-3)
+
+
+def test_a_cycle_is_booked_with_its_own_correction_force():
+    c = mass_controller()
+    c.books.e_tr = 50.0
+    out = call(c, w_tr=0.0, v_tr=0.1, f_tr=100.0, w_cat=0.0, v_cat=0.1)
+    assert out.f_cor != 0.0
+    assert c.books.p_cat == pytest.approx(c.config.cycle_time * (100.0 + out.f_cor), rel=1e-12)

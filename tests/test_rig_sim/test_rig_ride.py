@@ -105,3 +105,10 @@ def test_encoder_rounds_to_its_step() -> None:
     assert encode(1.26e-6, 1e-6) == pytest.approx(1e-6)
     assert encode(-1.6e-6, 1e-6) == pytest.approx(-2e-6)
     assert encode(1.26e-6, 0.0) == 1.26e-6
+
+
+def test_after_a_cycle_the_reference_is_the_one_at_its_end(rig_parameters: Any) -> None:
+    # The controller weighs the step from this reference to its next one: the start would be one cycle old.
+    rig = Rig(rig_parameters({}))
+    rig.advance(0.0005, 0.001)
+    assert rig.state.reference == pytest.approx(0.001, abs=1e-12)
