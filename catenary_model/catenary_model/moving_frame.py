@@ -24,6 +24,8 @@ from catenary_model.line import Wire
 Matrix = NDArray[np.float64]
 
 CARRIER, CONTACT = 0, 1
+_WAVE_NUMBERS = 121
+_REACH = 12
 
 
 @dataclass(frozen=True)
@@ -33,12 +35,19 @@ class Mesh:
     h: float
     """Element length, m."""
     half_elements: int
-    """Elements on either side of the pantograph."""
+    """Elements behind the pantograph."""
+    further_ahead: int = 0
+    """Elements that the mesh has ahead of the pantograph more than behind it."""
+
+    @property
+    def elements(self) -> int:
+        """Number of elements."""
+        return 2 * self.half_elements + self.further_ahead
 
     @property
     def stations(self) -> int:
         """Number of stations."""
-        return 2 * self.half_elements + 1
+        return self.elements + 1
 
     @property
     def middle(self) -> int:
@@ -46,9 +55,19 @@ class Mesh:
         return self.half_elements
 
     @property
-    def half_length(self) -> float:
-        """Distance from the pantograph to either end, m."""
+    def behind(self) -> float:
+        """Distance from the pantograph to the end behind it, m."""
         return self.h * self.half_elements
+
+    @property
+    def ahead(self) -> float:
+        """Distance from the pantograph to the end ahead of it, m."""
+        return self.h * (self.half_elements + self.further_ahead)
+
+    @property
+    def half_length(self) -> float:
+        """Distance from the pantograph to the nearer end, m."""
+        return min(self.behind, self.ahead)
 
     @property
     def x(self) -> Matrix:
@@ -101,11 +120,39 @@ def assemble(mesh: Mesh, carrier: Wire, contact: Wire, speed: float) -> MovingFr
     compact = tuple(np.zeros((n, 6)) for _ in range(3))
     for which, wire in ((CARRIER, carrier), (CONTACT, contact)):
         for target, block in zip(compact, wire_elements(wire, mesh.h, speed), strict=True):
-            for e in range(2 * mesh.half_elements):
+            for e in range(mesh.elements):
                 row = 4 * e + 2 * which
                 target[row : row + 2, 2:6] += block[:2]
                 target[row + 4 : row + 6, 0:4] += block[2:]
     return MovingFrame(mesh, carrier, contact, speed, *compact)
+
+
+def highest_frequency(wire: Wire, h: float, speed: float) -> float:
+    """Highest angular frequency that the endless mesh of one wire has in the frame of the train, rad/s.
+
+    The waves of the mesh are sought over all wave numbers with q ~ exp(i k x), damping left out: the eigenvalues of
+    M w_tt + D w_t + K w = 0 in each of them.
+    """
+    undamped = Wire(wire.mass_per_length, 0.0, wire.bending_stiffness, wire.tension)
+    M, D, K = wire_elements(undamped, h, speed)
+    highest = 0.0
+    for phase in np.exp(1j * np.linspace(0.0, np.pi, _WAVE_NUMBERS)):
+        m, d, k = (b[:2, :2] + b[2:, 2:] + b[:2, 2:] * phase + b[2:, :2] / phase for b in (M, D, K))
+        companion = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(m, k), -np.linalg.solve(m, d)]])
+        highest = max(highest, float(np.abs(np.linalg.eigvals(companion)).max()))
+    return highest
+
+
+def local_mass(wire: Wire, h: float) -> float:
+    """Least mass that an endless mesh of one wire puts against a point force, 1 / max (psi M^-1 psi), kg."""
+    stations = 2 * _REACH + 2
+    M = np.zeros((2 * stations, 2 * stations))
+    for e in range(stations - 1):
+        M[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += wire.mass_per_length * elements.mass(h)
+    psi = elements.shape_derivatives(np.linspace(0.0, 1.0, 9), h)[0]
+    load = np.zeros((2 * stations, psi.shape[1]))
+    load[2 * _REACH : 2 * _REACH + 4] = psi
+    return 1.0 / float((load * np.linalg.solve(M, load)).sum(axis=0).max())
 
 
 def dense(compact: Matrix) -> Matrix:

@@ -11,6 +11,7 @@ from phil_interfaces.msg import CatenaryState, ImpedanceCommand, ImpedanceModel,
 
 from catenary_model.model import Catenary
 from catenary_model.parameters import Parameters
+from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from catenary_model.sequence import Sequence, Verdict
 from phil_node.base import ERROR, OK, WARN, Diagnosis, PhilNode, run
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED, VIEW
@@ -69,7 +70,7 @@ class CatenaryNode(PhilNode[Parameters]):
             "w_cat mm": f"{c.w_cat * 1e3:.1f}",
             "slack droppers": f"{c.slack_droppers} of {c.droppers}",
             "bridged cycles": str(self._bridged),
-            "slack state not settled": str(c.unsettled_steps),
+            "integration steps with slack state not settled": str(c.unsettled_steps),
         }
         if self.sequence.broken:
             return Diagnosis(ERROR, self.sequence.broken, values)
@@ -82,7 +83,7 @@ class CatenaryNode(PhilNode[Parameters]):
             longest = self.sequence.longest
             found.append(f"{self.timing.refused} commands refused (force not finite, or over {longest} cycles ahead)")
         if c.unsettled_steps:
-            found.append(f"the slack state did not settle in {c.unsettled_steps} cycles")
+            found.append(f"the slack state did not settle in {c.unsettled_steps} integration steps")
         return Diagnosis(WARN, "; ".join(found), values) if found else Diagnosis(OK, "active", values)
 
     def _on_command(self, command: ImpedanceCommand) -> None:
@@ -172,7 +173,7 @@ class CatenaryNode(PhilNode[Parameters]):
         )
         message.n = reduced.n
         message.ts = config.cycle_time
-        message.newmark_beta, message.newmark_gamma = config.newmark_beta, config.newmark_gamma
+        message.newmark_beta, message.newmark_gamma = NEWMARK_BETA, NEWMARK_GAMMA
         message.mass = array("d", reduced.M.tobytes())
         message.damping = array("d", reduced.D.tobytes())
         message.stiffness = array("d", reduced.K.tobytes())

@@ -1,13 +1,17 @@
 """Static equilibrium of the endless periodic line in closed form, and the unstressed dropper lengths that give it.
 
-A periodic load per span that is in balance, sum P_i = 0 (weight included), bends a tensioned beam T W'' - EI W''''
-into W(zeta) = W_0 + sum P_i g(zeta - zeta_i) with the periodic Green's function of a unit point load
+Both wires are beams under tension that carry their weight and point loads (`periodic_beam`), over one period of the
+line with all its spans. Unknowns are the forces F of the droppers, the forces R of the masts and the heights W_0 of
+both wires; they follow from one small linear system, so the static shape does not depend on any mesh:
 
-    g(r) = (1/T) (r^2/(2 L) - r/2 + L/12) - (lambda/(2 T)) sum_j exp(-|r + j L|/lambda),  0 <= r < L,  lambda^2 = EI/T.
+    a dropper without given length   contact(zeta_i) = demanded height of the clamp (parabola of the span's pre_sag)
+    a dropper of given length l_0    carrier(zeta_i) - contact(zeta_i) - F_i/k_d = l_0  if taut,  F_i = 0  if slack
+    a mast                           carrier(zeta_m) = encumbrance
+    balance                          sum F = weight of the contact wire,  sum R = weight of everything.
 
-The first term is the string, the second rounds its kink. A uniform load has no part in g: it is what balances the
-points. Unknowns are the dropper forces and the heights W_0 of both wires; they follow from a small linear system, so
-the static shape does not depend on any mesh.
+Where the lengths are computed, l_0 = carrier - contact - F/k_d. Which droppers of given length are taut is found by an
+active set. Half of a dropper's mass hangs as a point weight on either wire, at the clamp. The mass of a steady arm is
+carried by its own support and the arm is unloaded at rest, so arms have no part in the statics.
 """
 
 from __future__ import annotations
@@ -17,170 +21,256 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model.line import Line, Wire
+from catenary_model.line import Line
+from catenary_model.periodic_beam import PeriodicBeam, green
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
 
-_MAX_PASSES = 200
+DROPPER, MAST, STEADY_ARM = 0, 1, 2
+"""Kinds of `Sites`."""
+
+_TOLERANCE = 1e-12
+"""Elongation (m) up to which a dropper counts as neither taut nor slack."""
+_PATIENCE = 10
 
 
-def string_green(r: Array, span: float, tension: float) -> tuple[Array, Array]:
-    """Periodic Green's function of a string (m/N) and its slope (1/N) at distance r (m) from the load."""
-    s = np.mod(r, span)
-    return (s * s / (2 * span) - s / 2 + span / 12) / tension, (s / span - 0.5) / tension
+class StaticsError(ValueError):
+    """A line has no static equilibrium of the wanted kind; `span` and `dropper` say where (None: the whole line)."""
+
+    def __init__(self, problem: str, span: int | None = None, dropper: int | None = None) -> None:
+        """Name the entry in front of the problem."""
+        where = "spans" if span is None else f"spans[{span}]" + ("" if dropper is None else f".droppers[{dropper}]")
+        super().__init__(f"{where}: {problem}")
+        self.problem, self.span, self.dropper = problem, span, dropper
 
 
-def green(r: Array, span: float, wire: Wire) -> tuple[Array, Array]:
-    """Periodic Green's function g of a beam under tension (m/N) and its slope (1/N) at distance r (m) from the load."""
-    value, slope = string_green(r, span, wire.tension)
-    s = np.mod(r, span)
-    lam = wire.bending_length
-    for j in (-1, 0, 1):  # lambda is centimetres, spans are tens of metres
-        d = s + j * span
-        bump = np.exp(-np.abs(d) / lam) / (2 * wire.tension)
-        value = value - lam * bump
-        slope = slope + np.where(d >= 0, 1.0, -1.0) * bump
-    return value, slope
+@dataclass(frozen=True)
+class Sites:
+    """Everything that touches the wires within one period, by rising position; arrays of equal length."""
+
+    position: Array
+    """Track position in [0, period), m; a mast comes before the steady arm at the same place."""
+    kind: Indices
+    """DROPPER, MAST or STEADY_ARM."""
+    stiffness: Array
+    """N/m."""
+    mass: Array
+    """Mass of a dropper (half of it on either wire) or of a steady arm (all of it on the contact wire), kg; else 0."""
+    force: Array
+    """At rest, N: tension of a dropper (0 is slack), upward force of a mast on the carrier, 0 for an arm."""
+    elongation: Array
+    """Of a dropper at rest against its unstressed length, m; negative is slack; 0 for all others."""
+    length: Array
+    """Unstressed length l_0 of a dropper, m; 0 for all others."""
 
 
 @dataclass(frozen=True)
 class Statics:
-    """The line at rest under its own weight.
-
-    Heights are measured from the nominal height of the contact wire, forces are tensions of the droppers.
-    """
+    """The line at rest under its own weight. Heights are measured from the nominal height of the contact wire."""
 
     line: Line
-    dropper_forces: Array
-    """F_s, N, shape (droppers per span,); 0 is slack."""
-    dropper_elongations: Array
-    """Static length minus unstressed length, m; negative is slack."""
-    dropper_lengths: Array
-    """Unstressed lengths l_0, m."""
-    contact_height: float
-    """W_0 of the contact wire, m."""
-    carrier_height: float
-    """W_0 of the carrier, m."""
+    sites: Sites
+    contact_beam: PeriodicBeam
+    """Contact wire with what acts on it: at every clamp the dropper's force less half of the dropper's weight."""
+    carrier_beam: PeriodicBeam
 
     def contact(self, zeta: Array) -> Array:
         """Height of the contact wire at track positions zeta, m."""
-        return self._shape(zeta, self.line.contact, self.contact_height, self._contact_loads())[0]
+        return self.contact_beam.value(zeta)
 
     def contact_slope(self, zeta: Array) -> Array:
         """Slope of the contact wire at track positions zeta, 1."""
-        return self._shape(zeta, self.line.contact, self.contact_height, self._contact_loads())[1]
+        return self.contact_beam.slope(zeta)
 
     def carrier(self, zeta: Array) -> Array:
         """Height of the carrier at track positions zeta, m."""
-        return self._shape(zeta, self.line.carrier, self.carrier_height, self._carrier_loads())[0]
+        return self.carrier_beam.value(zeta)
 
-    def _contact_loads(self) -> tuple[Array, Array]:
-        return np.array(self.line.dropper_positions), self.dropper_forces
+    @property
+    def dropper_positions(self) -> Array:
+        """Track positions of the droppers of one period, m."""
+        return self._of_droppers(self.sites.position)
 
-    def _carrier_loads(self) -> tuple[Array, Array]:
-        line = self.line
-        mast = line.carrier.mass_per_length * line.gravity * line.span_length + self.dropper_forces.sum()
-        return np.append(line.dropper_positions, 0.0), np.append(-self.dropper_forces, mast)
+    @property
+    def dropper_forces(self) -> Array:
+        """Tensions F_s at rest, N; 0 is slack."""
+        return self._of_droppers(self.sites.force)
 
-    def _shape(self, zeta: Array, wire: Wire, height: float, loads: tuple[Array, Array]) -> tuple[Array, Array]:
-        value, slope = green(np.asarray(zeta, dtype=np.float64)[..., None] - loads[0], self.line.span_length, wire)
-        return height + value @ loads[1], slope @ loads[1]
+    @property
+    def dropper_elongations(self) -> Array:
+        """Static length minus unstressed length, m; negative is slack."""
+        return self._of_droppers(self.sites.elongation)
+
+    @property
+    def dropper_lengths(self) -> Array:
+        """Unstressed lengths l_0, m."""
+        return self._of_droppers(self.sites.length)
+
+    def _of_droppers(self, column: Array) -> Array:
+        rows: Array = column[self.sites.kind == DROPPER]
+        return rows
 
 
-def clamp_heights(line: Line) -> Array:
-    """Heights of the clamps on the contact wire that the lengths are computed for, m: level, or a parabola."""
-    s = np.array(line.dropper_positions) / line.span_length
-    return -4.0 * line.pre_sag * s * (1.0 - s)
+@dataclass(frozen=True)
+class _Droppers:
+    """All droppers of one period as arrays; `length` is NaN where it is to be computed."""
+
+    at: Array
+    stiffness: Array
+    mass: Array
+    length: Array
+    height: Array
+    name: list[tuple[int, int]]
+
+    @classmethod
+    def of(cls, line: Line) -> _Droppers:
+        rows, name = [], []
+        for i, (start, span) in enumerate(zip(line.span_starts, line.spans, strict=True)):
+            for j, d in enumerate(span.droppers):
+                given = np.nan if d.length is None else d.length
+                demanded = clamp_height(d.position, span.length, span.pre_sag)
+                rows.append((start + d.position, d.stiffness, d.mass, given, demanded))
+                name.append((i, j))
+        at, stiffness, mass, length, height = np.array(rows, dtype=np.float64).reshape(-1, 5).T
+        return cls(at, stiffness, mass, length, height, name)
+
+
+def clamp_height(position: float, length: float, pre_sag: float) -> float:
+    """Demanded height (m) of a clamp at this position (m) in a span: level, or a parabola from mast to mast."""
+    s = position / length
+    return -4.0 * pre_sag * s * (1.0 - s)
 
 
 def solve(line: Line) -> Statics:
-    """Solve the static equilibrium; compute the unstressed lengths if the line does not give them.
+    """Solve the static equilibrium; compute the unstressed lengths that the line does not give.
 
-    A contact wire without droppers hangs from nothing: it is taken as level, its weight is left out.
+    A contact wire without any dropper hangs from nothing: it is taken as level, its weight is left out.
 
-    Raises ValueError if lengths that were given leave no equilibrium, or if computed ones are not positive or not taut.
+    Raises StaticsError (a ValueError) naming the dropper if a computed length is not positive or not taut, or if the
+    given lengths leave no equilibrium.
     """
-    n = len(line.dropper_positions)
-    if n == 0:
-        none = np.zeros(0)
-        height = _carrier_height(line, none)
-        return Statics(line, none, none, none, 0.0, height)
-    if line.dropper_lengths is not None:
-        return _given_lengths(line, np.array(line.dropper_lengths))
-    force, contact_height = _held_at(line, clamp_heights(line))
-    if line.gravity > 0.0 and force.min() <= 0.0:
-        i = int(force.argmin())
-        raise ValueError(
-            f"line.pre_sag = {line.pre_sag} m would need dropper {i + 1} to push ({force[i]:.1f} N): choose another "
-            "line.pre_sag or line.dropper_positions"
-        )
-    carrier_height = _carrier_height(line, force)
-    draft = Statics(line, force, force / line.dropper_stiffness, force, contact_height, carrier_height)
-    at = np.array(line.dropper_positions)
-    length = draft.carrier(at) - draft.contact(at) - force / line.dropper_stiffness
-    if length.min() <= 0.0:
-        raise ValueError(
-            f"line.encumbrance = {line.encumbrance} m is too small: dropper {int(length.argmin()) + 1} would be "
-            f"{length.min():.3f} m long"
-        )
-    return Statics(line, force, force / line.dropper_stiffness, length, contact_height, carrier_height)
+    droppers = _Droppers.of(line)
+    mast_at = np.array(line.span_starts)
+    encumbrance = np.array([span.mast.encumbrance for span in line.spans])
+    n, m, P, g = droppers.at.size, mast_at.size, line.period, line.gravity
+    half = 0.5 * g * droppers.mass
+
+    # unknowns: F (n), R (m), W_0 of the carrier, W_0 of the contact wire (only with droppers)
+    carrier_at = np.concatenate((droppers.at, mast_at))
+    carrier_green = green(carrier_at[:, None] - carrier_at[None, :], P, line.carrier)[0]
+    contact_green = green(droppers.at[:, None] - droppers.at[None, :], P, line.contact)[0]
+    carrier_rows = np.zeros((n + m, n + m + 2))  # carrier's height at clamps and masts, by the unknowns
+    carrier_rows[:, :n], carrier_rows[:, n : n + m] = -carrier_green[:, :n], carrier_green[:, n:]
+    carrier_rows[:, n + m] = 1.0
+    carrier_known = -carrier_green[:, :n] @ half
+    contact_rows = np.zeros((n, n + m + 2))
+    contact_rows[:, :n], contact_rows[:, n + m + 1] = contact_green, 1.0
+    contact_known = -contact_green @ half
+
+    system, rhs = np.zeros((n + m + 2, n + m + 2)), np.zeros(n + m + 2)
+    given = ~np.isnan(droppers.length)
+    system[:n] = contact_rows
+    system[:n][given] -= carrier_rows[:n][given]
+    system[:n, :n] += np.diag(np.where(given, 1.0 / droppers.stiffness, 0.0))
+    rhs[:n] = np.where(given, carrier_known[:n] - droppers.length, droppers.height) - contact_known
+    system[n : n + m], rhs[n : n + m] = carrier_rows[n:], encumbrance - carrier_known[n:]
+    system[n + m, :n], system[n + m, n : n + m] = -1.0, 1.0
+    rhs[n + m] = line.carrier.mass_per_length * g * P + half.sum()
+    system[n + m + 1, :n] = 1.0
+    rhs[n + m + 1] = line.contact.mass_per_length * g * P + half.sum()
+    if not n:
+        system, rhs = system[:-1, :-1], rhs[:-1]
+
+    x, taut = one_sided(system, rhs, np.append(given, np.zeros(system.shape[0] - n, dtype=np.bool_)))
+    force, mast = np.where(np.abs(x[:n]) <= _TOLERANCE * droppers.stiffness, 0.0, x[:n]), x[n : n + m]
+    carrier = PeriodicBeam(line.carrier, P, carrier_at, np.append(-force - half, mast), float(x[n + m]))
+    contact = PeriodicBeam(line.contact, P, droppers.at, force - half, float(x[n + m + 1]) if n else 0.0)
+    distance = carrier.value(droppers.at) - contact.value(droppers.at)
+    elongation = np.where(taut[:n], force / droppers.stiffness, distance - droppers.length)
+    length = np.where(given, droppers.length, distance - elongation)
+    _refuse_impossible(line, droppers.name, force, length)
+    return Statics(line, _sites(line, droppers, mast_at, force, mast, elongation, length), contact, carrier)
 
 
-def _green_matrix(line: Line, wire: Wire) -> Array:
-    at = np.array(line.dropper_positions)
-    return green(at[:, None] - at[None, :], line.span_length, wire)[0]
+def one_sided(system: Array, rhs: Array, may_slacken: Flags, taut: Flags | None = None) -> tuple[Array, Flags]:
+    """Solve system x = rhs where flagged unknowns are tensions of one-sided springs.
 
+    The row of such an unknown reads (its elongation without force) - (what its force changes) = 0, signed so that
+    rhs - system x without its own force is the elongation (m). It holds where x > 0; where not, x = 0 and the
+    elongation is negative. Block principal pivoting (Judice and Pires 1994): all that disagree change at once, one by
+    one where that does not settle. `taut` is the state to begin with, all taut by default.
 
-def _carrier_height(line: Line, force: Array) -> float:
-    """W_0 of the carrier such that it passes the masts at the encumbrance, m."""
-    draft = Statics(line, force, force, force, 0.0, 0.0)
-    return line.encumbrance - float(draft.carrier(np.zeros(1))[0])
-
-
-def _held_at(line: Line, height: Array) -> tuple[Array, float]:
-    """Dropper forces (N) and W_0 (m) of a contact wire that is held at these heights (m)."""
-    n = height.size
-    system = np.ones((n + 1, n + 1))
-    system[:n, :n] = _green_matrix(line, line.contact)
-    system[n, n] = 0.0
-    weight = line.contact.mass_per_length * line.gravity * line.span_length
-    solution = np.linalg.solve(system, np.append(height, weight))
-    return solution[:n], float(solution[n])
-
-
-def _given_lengths(line: Line, length: Array) -> Statics:
-    """Equilibrium for given unstressed lengths: active set over taut and slack droppers."""
-    n = length.size
-    at = np.array(line.dropper_positions)
-    k_d = line.dropper_stiffness
-    weight = line.contact.mass_per_length * line.gravity * line.span_length
-    # carrier height at the clamps is affine in the dropper forces
-    free = Statics(line, np.zeros(n), length, length, 0.0, _carrier_height(line, np.zeros(n))).carrier(at)
-    pull = np.empty((n, n))
-    for i in range(n):
-        unit = np.eye(n)[i]
-        pull[:, i] = Statics(line, unit, length, length, 0.0, _carrier_height(line, unit)).carrier(at) - free
-    contact = _green_matrix(line, line.contact)
-    taut = np.ones(n, dtype=np.bool_)
-    for _ in range(_MAX_PASSES):
-        index = np.flatnonzero(taut)
-        m = index.size
-        if m == 0:
+    Returns x and the flags of what is taut. Raises StaticsError without an equilibrium.
+    """
+    on = np.ones(rhs.size, dtype=np.bool_) if taut is None else taut | ~may_slacken
+    fewest, patience = rhs.size + 1, _PATIENCE
+    for _ in range(50 + 4 * int(may_slacken.sum())):
+        active = np.flatnonzero(on)
+        x = np.zeros(rhs.size)
+        try:
+            x[active] = np.linalg.solve(system[np.ix_(active, active)], rhs[active])
+        except np.linalg.LinAlgError:
             break
-        system = np.ones((m + 1, m + 1))
-        system[:m, :m] = (contact - pull)[np.ix_(index, index)] + np.eye(m) / k_d
-        system[m, m] = 0.0
-        solution = np.linalg.solve(system, np.append((free - length)[index], weight))
-        force = np.zeros(n)
-        force[index] = solution[:m]
-        height = float(solution[m])
-        carrier_height = _carrier_height(line, force)
-        draft = Statics(line, force, force, length, height, carrier_height)
-        elongation = draft.carrier(at) - draft.contact(at) - length
-        # one change a pass, the worst offender first: cannot cycle in practice, is bounded anyway
-        wrong = np.where(taut, -force / k_d, elongation)
-        worst = int(wrong.argmax())
-        if wrong[worst] <= 1e-12:
-            return Statics(line, force, np.where(taut, force / k_d, elongation), length, height, carrier_height)
-        taut[worst] = not taut[worst]
-    raise ValueError(f"line.dropper_lengths = {[float(x) for x in length]} leave no static equilibrium")
+        lacking = rhs - system @ x
+        # a tension as an elongation: times the compliance of its own row
+        wrong = may_slacken & (np.where(on, -x * np.abs(np.diag(system)), lacking) > _TOLERANCE)
+        count = int(wrong.sum())
+        if not count:
+            x[may_slacken & (x < 0.0)] = 0.0
+            return x, on
+        if count < fewest:
+            fewest, patience = count, _PATIENCE
+        elif patience:
+            patience -= 1
+        else:
+            wrong[: int(np.flatnonzero(wrong)[-1])] = False
+        on = on ^ wrong
+    raise StaticsError("the given dropper lengths leave no static equilibrium")
+
+
+def _refuse_impossible(line: Line, name: list[tuple[int, int]], force: Array, length: Array) -> None:
+    """Raise StaticsError if a dropper whose length is computed would have to push or be shorter than nothing."""
+    for (i, j), F, l_0 in zip(name, force, length, strict=True):
+        span = line.spans[i]
+        if span.droppers[j].length is not None:
+            continue
+        if F < 0.0 or (F == 0.0 and line.gravity > 0.0):
+            raise StaticsError(
+                f"would have to push ({F:.1f} N) to hold its clamp at the height that pre_sag = {span.pre_sag:g} m "
+                "demands: choose another pre_sag, position or length",
+                *(i, j),
+            )
+        if l_0 <= 0.0:
+            raise StaticsError(
+                f"would be {l_0:.3f} m long: the mast's encumbrance = {span.mast.encumbrance:g} m is too small", i, j
+            )
+
+
+def _sites(
+    line: Line, droppers: _Droppers, mast_at: Array, force: Array, mast: Array, elongation: Array, length: Array
+) -> Sites:
+    arms = [(at, span.steady_arm) for at, span in zip(mast_at, line.spans, strict=True) if span.steady_arm is not None]
+    n, m, a = droppers.at.size, mast_at.size, len(arms)
+    position = np.concatenate((droppers.at, mast_at, [at for at, _ in arms]))
+    kind = np.repeat(np.array([DROPPER, MAST, STEADY_ARM], dtype=np.int64), (n, m, a))
+    order = np.lexsort((kind, position))
+
+    def column(of_droppers: Array, of_masts: Array, of_arms: list[float]) -> Array:
+        return np.concatenate((of_droppers, of_masts, of_arms))[order]
+
+    none, no_arms = np.zeros(m), [0.0] * a
+    return Sites(
+        position=position[order],
+        kind=kind[order],
+        stiffness=column(
+            droppers.stiffness,
+            np.array([span.mast.stiffness for span in line.spans]),
+            [arm.stiffness for _, arm in arms],
+        ),
+        mass=column(droppers.mass, none, [arm.mass for _, arm in arms]),
+        force=column(force, mast, no_arms),
+        elongation=column(elongation, none, no_arms),
+        length=column(length, none, no_arms),
+    )

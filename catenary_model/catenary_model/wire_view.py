@@ -9,9 +9,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from catenary_model import step
+from catenary_model import layout, step
+from catenary_model.layout import Constants, State
 from catenary_model.moving_frame import Mesh
-from catenary_model.statics import Statics
+from catenary_model.statics import MAST, Statics
+from catenary_model.wires import PAD
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -21,23 +23,28 @@ _TABLE_STEP = 0.1
 
 @njit(cache=True, fastmath=False)
 def _fill(
-    c: step.Constants, s: step.State, carrier_at_rest: Array, contact: Singles, carrier: Singles, droppers: Singles
+    c: Constants, s: State, carrier_at_rest: Array, contact: Singles, carrier: Singles, droppers: Singles
 ) -> None:
-    span, zeta, h = c.real[step.SPAN], s.point[step.ZETA], c.real[step.H]
+    period, zeta, h = c.real[layout.PERIOD], s.point[layout.ZETA], c.real[layout.H]
     static = np.empty(6)
     samples = carrier_at_rest.size - 1
     for j in range(contact.size):
-        at = zeta + j * h - c.real[step.HALF]
+        at = zeta + j * h - c.real[layout.BEHIND]
         step.static_at(c, at, static)
-        contact[j] = static[0] + s.q[0, step.PAD + 4 * j + 2]
-        r = (at / span - np.floor(at / span)) * samples
+        contact[j] = static[0] + s.q[0, 1, 0, j + PAD]
+        r = (at / period - np.floor(at / period)) * samples
         i = min(int(r), samples - 1)
         rest = carrier_at_rest[i] + (r - i) * (carrier_at_rest[i + 1] - carrier_at_rest[i])
-        carrier[j] = rest + s.q[0, step.PAD + 4 * j]
-    for i in range(s.counter[step.DROPPERS]):
-        droppers[0, i] = s.spring[i, step.POSITION]
-        stretch = c.dropper[s.spring_at[i, 2], 1] + step.elongation(s, i, s.q[0])
-        droppers[1, i] = max(0.0, c.real[step.K_DROPPER] * stretch)
+        carrier[j] = rest + s.q[0, 0, 0, j + PAD]
+    n = 0
+    for i in range(s.counter[layout.SITES]):
+        row = s.where[layout.ROW, i]
+        if row < 0 or c.site[row, layout.ONE_SIDED] == 0.0:
+            continue
+        droppers[0, n] = s.here[layout.X, i]
+        # a faded dropper keeps its static force and gives up what it does beyond it
+        droppers[1, n] = max(0.0, c.site[row, layout.FORCE] + s.here[layout.PRESS, i])
+        n += 1
 
 
 @dataclass
@@ -50,21 +57,24 @@ class WireView:
     mast_x: Singles
     _droppers: Singles
     _carrier_at_rest: Array
+    _masts: Array
     _count: int = 0
 
     @classmethod
     def of(cls, mesh: Mesh, statics: Statics) -> WireView:
         """Allocate the arrays for this mesh and line."""
-        line = statics.line
-        samples = max(16, round(line.span_length / _TABLE_STEP))
-        spans = math.ceil(2 * mesh.half_length / line.span_length) + 1
+        period = statics.line.period
+        samples = max(16, round(period / _TABLE_STEP))
+        repeats = math.ceil((mesh.x[-1] - mesh.x[0]) / period) + 1
+        masts = statics.sites.position[statics.sites.kind == MAST]
         return cls(
             x=mesh.x.astype(np.float32),
             contact=np.zeros(mesh.stations, dtype=np.float32),
             carrier=np.zeros(mesh.stations, dtype=np.float32),
             mast_x=np.zeros(0, dtype=np.float32),
-            _droppers=np.zeros((2, max(1, spans * len(line.dropper_positions))), dtype=np.float32),
-            _carrier_at_rest=statics.carrier(np.linspace(0.0, line.span_length, samples + 1)),
+            _droppers=np.zeros((2, max(1, repeats * statics.dropper_forces.size)), dtype=np.float32),
+            _carrier_at_rest=statics.carrier(np.linspace(0.0, period, samples + 1)),
+            _masts=masts,
         )
 
     @property
@@ -77,11 +87,12 @@ class WireView:
         """Their tension; 0 is slack."""
         return self._droppers[1, : self._count]
 
-    def fill(self, constants: step.Constants, state: step.State) -> None:
+    def fill(self, constants: Constants, state: State) -> None:
         """Compute everything for the present state."""
-        span = float(constants.real[step.SPAN])
+        period = float(constants.real[layout.PERIOD])
         _fill(constants, state, self._carrier_at_rest, self.contact, self.carrier, self._droppers)
-        self._count = int(state.counter[step.DROPPERS])
-        zeta, half = float(state.point[step.ZETA]), float(constants.real[step.HALF])
-        first, last = math.floor((zeta - half) / span) + 1, math.ceil((zeta + half) / span) - 1
-        self.mast_x = (np.arange(first, last + 1) * span - zeta).astype(np.float32)
+        self._count = int(state.counter[layout.DROPPERS])
+        zeta, behind, ahead = state.point[layout.ZETA], constants.real[layout.BEHIND], constants.real[layout.AHEAD]
+        repeats = np.arange(math.floor((zeta - behind) / period), math.ceil((zeta + ahead) / period))
+        x = (repeats[:, None] * period + self._masts[None, :]).ravel() - zeta
+        self.mast_x = x[(x > -behind) & (x < ahead)].astype(np.float32)

@@ -234,6 +234,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         gc.enable()
         gc.unfreeze()
         self.stop()
+        self.timing.finish()
         self._hand_over()
 
     def _hand_over(self) -> None:
@@ -266,6 +267,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             response.success, response.message = False, f"{self.get_name()} was not reset: {reason}"
             return response
         try:
+            self.timing.finish()
             self.timing.clear()
             self.reset()
         except Exception as error:

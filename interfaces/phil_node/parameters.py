@@ -1,7 +1,7 @@
 """Parameters of a node: one pydantic model names, types, bounds and explains them; a YAML file gives the defaults.
 
 The model is the only place that knows a parameter's range and unit, ``config/NODE.yaml`` the only place that knows
-its default. Nested groups become dotted ROS names (``contact_wire.tension``). Nothing here imports rclpy.
+its default. Nested groups become dotted ROS names (``weights.position``). Nothing here imports rclpy.
 """
 
 from __future__ import annotations
@@ -141,8 +141,8 @@ def build(model: type[G], values: Mapping[str, Any], node: str = "") -> G:
         lines = []
         for item in error.errors():
             where = ".".join(str(part) for part in item["loc"])
-            what = str(item["msg"]).removeprefix("Value error, ")
-            lines.append(f"{lead}parameter '{where}': {what}" if where else f"{lead}{what}")
+            for what in str(item["msg"]).removeprefix("Value error, ").splitlines():
+                lines.append(f"{lead}parameter '{where}': {what}" if where else f"{lead}{what}")
         raise ParameterError("\n".join(lines)) from None
 
 

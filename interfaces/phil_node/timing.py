@@ -34,6 +34,8 @@ class Timing:
         self._total = 0
         self._begun = 0
         self._ended = 0
+        self._header: Any = None
+        self._cycle = 0
 
     @property
     def idle(self) -> float:
@@ -70,6 +72,7 @@ class Timing:
         self._recent[self._total % RECENT] = seconds
         self._total += 1
         self._ended = perf_counter_ns()
+        self._header, self._cycle = header, cycle
         if self._filled == BATCH:
             self.flush(header, cycle)
 
@@ -86,6 +89,10 @@ class Timing:
         message.stale, message.refused = self.stale, self.refused
         self._filled = 0
         self._send(message)
+
+    def finish(self) -> None:
+        """Send what the batch still holds under the last cycle that was measured (before the node falls silent)."""
+        self.flush(self._header, self._cycle)
 
     def summary(self) -> dict[str, str]:
         """Give the figures for /diagnostics: median, p99 and maximum in ms of the recent cycles, and the counters."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catenary_model.model import Catenary
 from catenary_model.parameters import Parameters as CatenaryParameters
+from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from impedance_mpc.controller import ImpedanceController
 from impedance_mpc.parameters import Parameters as ControllerParameters
 from impedance_mpc.plant import Impedance
@@ -30,8 +31,7 @@ class ClosedLoop:
         self.catenary = Catenary(wire.config())
         self.rig = Rig(build(RigParameters, settings["test_rig_sim"]))
         red = self.catenary.reduced
-        newmark = (wire.newmark_beta, wire.newmark_gamma)
-        model = Impedance(red.M, red.D, red.K, red.b, red.b, wire.cycle_time, *newmark)
+        model = Impedance(red.M, red.D, red.K, red.b, red.b, wire.cycle_time, NEWMARK_BETA, NEWMARK_GAMMA)
         self.controller = ImpedanceController(control, model)
 
     def cycles(self, count: int) -> Iterator[tuple[int, int, int]]:

@@ -9,7 +9,7 @@ from rich.console import Console
 from phil_node.parameters import ParameterError
 from ride.folder import clear
 from ride.options import Options
-from ride.settings import Settings, resolve, write
+from ride.settings import Settings, line_text, resolve, write
 
 OK, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130
 
@@ -20,6 +20,7 @@ def carry_out(options: Options) -> int:
     errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
     try:
         settings = resolve(options.params, options.overrides)
+        line = line_text(settings)
     except ParameterError as error:
         errors.print(str(error))
         return WRONG
@@ -28,7 +29,7 @@ def carry_out(options: Options) -> int:
             errors.print(f"{options.out} already holds a ride: choose another --out, or --overwrite")
             return WRONG
         options.out.mkdir(parents=True, exist_ok=True)
-        write(settings, options.out / "params.yaml")
+        write(settings, line, options.out)
     except OSError as error:
         errors.print(f"{options.out} cannot be written: {error.strerror}")
         return WRONG
@@ -42,7 +43,8 @@ def _ride_and_report(options: Options, settings: Settings, console: Console, err
     from ride.summary import live_summary
 
     train, rig = settings["catenary_model"], settings["test_rig_sim"]
-    what = f"{train['speed_kmh']:g} km/h, pantograph {rig['pantograph']}, {rig['mode']}, seed {rig['seed']}"
+    what = f"{train['speed_kmh']:g} km/h, line {train['line']}, pantograph {rig['pantograph']}"
+    what += f", {rig['mode']}, seed {rig['seed']}"
     console.print(f"{what} -> {options.out}", highlight=False, soft_wrap=True)
     ride = Ride(settings, options, console)
     code = OK

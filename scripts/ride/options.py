@@ -13,6 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 SHORTCUTS = {
     "speed_kmh": ("catenary_model", "speed_kmh"),
+    "line": ("catenary_model", "line"),
     "duration": ("test_rig_sim", "duration"),
     "mode": ("test_rig_sim", "mode"),
     "pantograph": ("test_rig_sim", "pantograph"),
@@ -41,10 +42,12 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         description="Emulate a train ride: catenary, impedance controller, test rig and monitor in four processes, "
         "recorded into a bag, with a report at the end.",
         epilog="Examples: scripts/run.sh   |   scripts/run.sh --speed-kmh 200 --duration 30 --pantograph en50318   |   "
+        "scripts/run.sh --line alternating_spans   |   scripts/run.sh --line my_line.yaml --mode realtime   |   "
         "scripts/run.sh --set impedance_mpc.correction=false --out rides/without-correction",
     )
     add = parser.add_argument
     add("--speed-kmh", type=float, metavar="V", help="speed of the train in km/h (catenary_model.speed_kmh)")
+    add("--line", metavar="NAME_OR_PATH", help="overhead line: a preset or a YAML file (catenary_model.line)")
     add("--duration", type=float, metavar="S", help="length of the ride in s, 0: until Ctrl-C (test_rig_sim.duration)")
     add("--mode", choices=("lockstep", "realtime"), help="wait for each other, or follow the clock (test_rig_sim.mode)")
     add("--pantograph", metavar="NAME", help="unit under test (test_rig_sim.pantograph)")

@@ -9,6 +9,8 @@ from typing import Any
 
 import yaml
 
+from catenary_model.line_file import LineFileError, dump_line, preset_names
+from catenary_model.parameters import line_of
 from phil_node.parameters import Group, ParameterError, build, defaults, infos, nest, read_file, values_of
 
 Settings = dict[str, dict[str, Any]]
@@ -62,11 +64,35 @@ def _nodes_of(pattern: str) -> tuple[str, ...]:
     return NODES if last in ("*", "**") else tuple(name for name in NODES if name == last)
 
 
-def write(settings: Mapping[str, Mapping[str, Any]], path: Path) -> None:
-    """Write the parameters as a ROS parameter file that gives the same ride again."""
+def line_text(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """Give the description of the overhead line that the settings name, as the text of a YAML file.
+
+    Raises
+    ------
+    ParameterError
+        There is no such line any more, or it is unusable.
+    """
+    name = settings["catenary_model"]["line"]
+    try:
+        line = line_of(name)
+    except LineFileError as error:
+        raise ParameterError(f"catenary_model: parameter 'line': {error}") from None
+    lead = "# The overhead line of this ride. To ride on it again: scripts/run.sh --line THIS_FILE\n"
+    return lead + dump_line(line)
+
+
+def write(settings: Mapping[str, Mapping[str, Any]], line: str, folder: Path) -> None:
+    """Write `params.yaml`, a ROS parameter file that gives the same ride again, and `line.yaml`, its overhead line.
+
+    A line that was given as a file is taken from the copy: what happens to the file later does not matter.
+    """
+    (folder / "line.yaml").write_text(line, encoding="utf-8")
     tree = {name: {"ros__parameters": nest(values)} for name, values in settings.items()}
+    catenary = tree["catenary_model"]["ros__parameters"]
+    if catenary["line"] not in preset_names():
+        catenary["line"] = str((folder / "line.yaml").absolute())
     lead = "# Everything that this ride ran with. To ride the same again: scripts/run.sh --params THIS_FILE\n"
-    path.write_text(lead + yaml.safe_dump(tree, sort_keys=False), encoding="utf-8")
+    (folder / "params.yaml").write_text(lead + yaml.safe_dump(tree, sort_keys=False), encoding="utf-8")
 
 
 def _model(name: str) -> type[Group]:

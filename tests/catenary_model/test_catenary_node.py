@@ -1,8 +1,11 @@
 """The node in this process with a partner that plays the controller: messages, gaps, duplicates, reset."""
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +15,14 @@ rclpy = pytest.importorskip("rclpy")
 messages = pytest.importorskip("phil_interfaces.msg")
 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from catenary_model.line import Line  # noqa: E402
+from catenary_model.line_file import dump_line, load_line  # noqa: E402
 from catenary_model.model import Catenary  # noqa: E402
 from catenary_model.node import CatenaryNode  # noqa: E402
+from catenary_model.reduced import discretise  # noqa: E402
 from phil_node.base import QUIET  # noqa: E402
 from phil_node.qos import CYCLE, LATCHED, VIEW  # noqa: E402
 
@@ -34,10 +41,12 @@ class Partner:
         self.states: list[Any] = []
         self.models: list[Any] = []
         self.shapes: list[Any] = []
+        self.timings: list[Any] = []
         subscribe = self.partner.create_subscription
         subscribe(messages.CatenaryState, "catenary_model/state", self.states.append, CYCLE)
         subscribe(messages.ImpedanceModel, "catenary_model/impedance_model", self.models.append, LATCHED)
         subscribe(messages.WireShape, "catenary_model/wire_shape", self.shapes.append, VIEW)
+        subscribe(messages.CycleTiming, "catenary_model/timing", self.timings.append, CYCLE)
         self.commands = self.partner.create_publisher(messages.ImpedanceCommand, "impedance_mpc/command", CYCLE)
         self.reset = self.partner.create_client(Trigger, "catenary_model/reset")
 
@@ -101,18 +110,27 @@ def test_cycle_by_cycle(partner: Partner) -> None:
         np.testing.assert_array_equal(state.segment_velocity, model.segment_velocity)
         np.testing.assert_array_equal(state.segment_acceleration, model.segment_acceleration)
         np.testing.assert_array_equal(state.segment_force, model.segment_force)
-    assert state.droppers == 36
+    assert state.droppers == model.droppers > 36
     assert state.speed == 250.0 / 3.6
     partner.until(lambda: bool(partner.models))
     reduced = partner.models[0]
-    assert reduced.n == 82
-    np.testing.assert_array_equal(np.reshape(reduced.damping, (82, 82)), model.reduced.D)
+    n = model.reduced.n
+    assert (reduced.n, reduced.ts) == (n, 0.002)
+    np.testing.assert_array_equal(np.reshape(reduced.damping, (n, n)), model.reduced.D)
     np.testing.assert_array_equal(reduced.input, model.reduced.b)
+    assert f"{model.reduced.x[0]:g} to {model.reduced.x[-1]:g} m in {n // 2 - 1} Hermite" in reduced.description
+    # what the controller steps with over the whole cycle has to be stable
+    A, _, _ = discretise(model.reduced, reduced.ts, reduced.newmark_beta, reduced.newmark_gamma)
+    assert np.abs(np.linalg.eigvals(A)).max() < 1.0
     partner.until(lambda: len(partner.shapes) == 4)
     assert [shape.cycle for shape in partner.shapes] == [0, 20, 40, 60]
     shape = partner.shapes[-1]
-    assert len(shape.x) == len(shape.contact) == len(shape.carrier) == 241
-    assert len(shape.dropper_x) == len(shape.dropper_force) == 36
+    view = model.wire_shape()
+    np.testing.assert_array_equal(shape.x, view.x)
+    np.testing.assert_array_equal(shape.contact, view.contact)
+    np.testing.assert_array_equal(shape.carrier, view.carrier)
+    np.testing.assert_array_equal(shape.dropper_force, view.dropper_force)
+    assert len(shape.dropper_x) == len(shape.dropper_force) == model.droppers
     assert min(shape.carrier) > 0.3
 
 
@@ -165,6 +183,17 @@ def test_gaps_duplicates_nonsense_and_reset(partner: Partner) -> None:
     assert partner.node.diagnose().level == b"\x00"
 
 
+def test_the_turnaround_of_the_last_cycles_is_sent_at_the_end(partner: Partner) -> None:
+    partner.activate()
+    partner.until(lambda: partner.node.count_subscribers("catenary_model/timing") == 1)
+    for k in range(57):
+        partner.command(k, 100.0)
+        partner.until(lambda k=k: partner.states[-1].cycle == k + 1)  # type: ignore[misc]
+    assert partner.node.trigger_deactivate().name == "SUCCESS"
+    partner.until(lambda: len(partner.timings) == 2)
+    assert [(timing.cycle, len(timing.turnaround)) for timing in partner.timings] == [(49, 50), (56, 7)]
+
+
 def test_deactivated_node_starts_anew(partner: Partner) -> None:
     partner.activate()
     partner.command(0, 100.0)
@@ -181,3 +210,24 @@ def test_deactivated_node_starts_anew(partner: Partner) -> None:
     assert partner.states[-1].w_cat == first
     assert partner.node.trigger_deactivate().name == "SUCCESS"
     assert partner.node.trigger_cleanup().name == "SUCCESS"
+
+
+def test_an_unusable_line_is_refused_at_the_start(tmp_path: Path) -> None:
+    """The process ends with code 2 and says parameter, file and entry."""
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(dump_line(Line()).replace("gravity: 9.81", "gravity: 99.0"))
+    command = [sys.executable, "-m", "catenary_model.node", "--ros-args", "-p", f"line:={mine}"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert f"catenary_model: parameter 'line': {mine}: gravity = 99.0: allowed is" in done.stderr
+
+
+def test_another_line_by_parameter(partner: Partner) -> None:
+    """`ros2 param set` while the node is not active; a line that does not exist is refused with the reason."""
+    node = partner.node
+    refused = node.set_parameters([Parameter("line", value="no_such_line")])[0]
+    assert not refused.successful
+    assert "presets are" in refused.reason
+    assert node.set_parameters([Parameter("line", value="alternating_spans")])[0].successful
+    partner.activate()
+    assert node.catenary.config.line == load_line("alternating_spans")

@@ -1,30 +1,67 @@
 """Parameters: defaults build the model of Table 3.1, nonsense is refused by name."""
 
+import dataclasses
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from catenary_model.line import Line
+from catenary_model.line_file import dump_line, load_line, preset_names
 from catenary_model.model import Config
 from catenary_model.parameters import Parameters
 from phil_node.parameters import ParameterError, build, defaults
 
 
 def with_changes(**changes: Any) -> dict[str, Any]:
-    return {**defaults("catenary_model"), **{name.replace("__", "."): value for name, value in changes.items()}}
+    return {**defaults("catenary_model"), **changes}
 
 
-def test_defaults_are_table_3_1() -> None:
+def test_defaults_are_table_3_1_and_those_of_the_model() -> None:
     parameters = build(Parameters, defaults("catenary_model"))
     # The ride starts under the mid-span dropper, where the wire at rest is at nominal height.
     assert parameters.config() == Config(line=Line(), start_position=30.0)
     assert parameters.wire_shape_every == 20
 
 
-def test_given_lengths_reach_the_line() -> None:
-    lengths = [0.84, 0.66, 0.5, 0.41, 0.37, 0.41, 0.5, 0.66, 0.84]
-    parameters = build(Parameters, with_changes(line__dropper_lengths=lengths))
-    assert parameters.config().line.dropper_lengths == tuple(lengths)
+def test_every_setting_of_the_model_is_a_parameter() -> None:
+    assert {field.name for field in dataclasses.fields(Config)} - {"speed"} <= set(Parameters.model_fields)
+
+
+def test_every_numerical_parameter_reaches_the_model() -> None:
+    changes: dict[str, Any] = {
+        "cycle_time": 0.004,
+        "substeps": 3,
+        "spans": 5,
+        "element_length": 1.25,
+        "layer_behind": 30.0,
+        "layer_ahead": 35.0,
+        "fading_length": 20.0,
+        "boundary": "clamped",
+        "boundary_nodes": 7,
+        "newmark_beta": 0.25,
+        "newmark_gamma": 0.5,
+        "local_compliance": False,
+        "max_slack_iterations": 3,
+        "coupling_tolerance": 1e-5,
+        "segment_half_length": 12.5,
+    }
+    config = build(Parameters, with_changes(**changes)).config()
+    assert {name: getattr(config, name) for name in changes} == changes
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_is_a_line(name: str) -> None:
+    assert build(Parameters, with_changes(line=name)).config().line == load_line(name)
+
+
+def test_a_file_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Relative to the current directory when the parameters are checked; what happens to it later is of no concern."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(dump_line(Line(name="mine")))
+    parameters = build(Parameters, with_changes(line="mine.yaml"))
+    (tmp_path / "mine.yaml").unlink()
+    assert parameters.config().line == Line(name="mine")
 
 
 @pytest.mark.parametrize(
@@ -32,19 +69,29 @@ def test_given_lengths_reach_the_line() -> None:
     [
         ({"speed_kmh": 500.0}, "speed_kmh"),
         ({"boundary": "wall"}, "boundary"),
-        ({"spans": 1}, "spans"),
+        ({"spans": 0}, "spans"),
         ({"spans": 2.5}, "spans"),
-        ({"fading_length": 130.0}, "fading_length"),
-        ({"line__dropper_positions": [5.0, 4.0]}, r"^line\.dropper_positions.* line\.span_length"),
-        ({"line__dropper_positions": []}, r"line\.dropper_positions"),
-        ({"line__dropper_lengths": [1.0, 1.0]}, r"^line\.dropper_lengths.* line\.dropper_positions"),
-        ({"line__dropper_lengths": [0.0] * 9}, r"^line\.dropper_lengths"),
-        ({"line__dropper_lengths": []}, r"line\.dropper_lengths"),
-        ({"contact_wire__tension": -1.0}, "contact_wire.tension"),
+        ({"substeps": 0}, "substeps"),
+        ({"newmark_gamma": 0.4}, "newmark_gamma"),
+        ({"local_compliance": 1}, "local_compliance"),
+        ({"fading_length": 300.0}, "fading_length"),
+        ({"segment_half_length": 190.0}, "segment_half_length"),
+        ({"line": ""}, "parameter 'line': .*presets are .*en50318_2002"),
+        ({"line": "no_such_line"}, "parameter 'line': .*no_such_line.*presets are .*en50318_2002"),
+        ({"line": "/no/such/line.yaml"}, r"parameter 'line': /no/such/line\.yaml: cannot be read"),
+        ({"line": 3}, "parameter 'line' = 3"),
         ({"no_such_key": 1.0}, "no_such_key"),
+        ({"contact_wire.tension": 2e4}, "contact_wire.tension"),
     ],
 )
 def test_bad_parameters_are_named(changes: dict[str, Any], names: str) -> None:
     with pytest.raises(ParameterError, match=names) as refused:
         build(Parameters, with_changes(**changes))
     assert "\n" not in str(refused.value)
+
+
+def test_a_train_faster_than_the_waves_of_its_line_is_refused(tmp_path: Path) -> None:
+    text = dump_line(Line()).replace("tension: 20000.0", "tension: 8000.0")
+    (tmp_path / "slack.yaml").write_text(text)
+    with pytest.raises(ParameterError, match=r"speed 320\.0 km/h exceeds 95 % of the contact wire's wave speed"):
+        build(Parameters, with_changes(line=str(tmp_path / "slack.yaml"), speed_kmh=320.0))

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from dense_step import place
 
-from catenary_model import elements
-from catenary_model.line import CONTACT_3_1, Line
+from catenary_model.line import CONTACT_3_1, Dropper, Line, Span, SteadyArm
 from catenary_model.model import Catenary, Config
 
-FREE = Line(dropper_positions=())
+FREE = Line(spans=(Span(60.0, ()),), name="free wires")
 TS = 0.002
 
 
@@ -20,7 +20,7 @@ def pulse(t: float, length: float = 0.1) -> float:
 def test_waves_run_with_c_minus_v_ahead_and_c_plus_v_behind(speed: float, side: int) -> None:
     """Time between two stations 30 m apart at half the rise; 1 %: bending and mesh disperse little at 20 Hz."""
     catenary = Catenary(Config(line=FREE, speed=speed, spans=4))
-    stations = [catenary.mesh.middle + side * 20, catenary.mesh.middle + side * 50]
+    stations = [catenary.mesh.middle + side * 20, catenary.mesh.middle + side * 60]
     history = []
     for k in range(1, 900):
         catenary.step(pulse(k * TS))
@@ -37,7 +37,7 @@ def test_waves_run_with_c_minus_v_ahead_and_c_plus_v_behind(speed: float, side: 
 
 @pytest.mark.parametrize("speed_kmh", [0.0, 250.0, 320.0])
 def test_matched_dashpot_absorbs(speed_kmh: float) -> None:
-    """Free contact wire, push below 20 Hz, 2 spans against 12: less than 3 % of what clamped ends send back.
+    """Free contact wire, push below 20 Hz, 2 spans against 12: less than 0.5 % of what clamped ends send back.
 
     3 s: at 320 km/h what comes back from either end needs 2.1 s to the pantograph.
     """
@@ -48,7 +48,10 @@ def test_matched_dashpot_absorbs(speed_kmh: float) -> None:
         ("dashpot", "matched_dashpot", 2),
         ("clamped", "clamped", 2),
     ):
-        catenary = Catenary(Config(line=FREE, speed=speed_kmh / 3.6, spans=spans, boundary=boundary))
+        config = Config(
+            line=FREE, speed=speed_kmh / 3.6, spans=spans, layer_behind=0.0, layer_ahead=0.0, boundary=boundary
+        )
+        catenary = Catenary(config)
         w = np.zeros(cycles)
         for k in range(cycles):
             catenary.step(pulse((k + 1) * TS))
@@ -56,49 +59,55 @@ def test_matched_dashpot_absorbs(speed_kmh: float) -> None:
         records[name] = w
     error = {name: np.sqrt(np.mean((records[name] - records["open"]) ** 2)) for name in ("dashpot", "clamped")}
     assert error["clamped"] > 1e-3
-    assert error["dashpot"] < 0.03 * error["clamped"]
+    assert error["dashpot"] < 0.005 * error["clamped"]
 
 
 def push_at(catenary: Catenary, x: float, force: float) -> None:
     """Put a force on the contact wire at x (m, relative to the pantograph) of the next step."""
-    mesh = catenary.mesh
-    at = (x + mesh.half_length) / mesh.h
-    e = int(at)
-    psi = np.zeros(4)
-    elements.shape_functions(at - e, mesh.h, psi)
+    e, psi = place(catenary, x)
     catenary.external_load[:] = 0.0
-    for j, station in ((0, e), (2, e + 1)):
-        catenary.external_load[4 * station + 2 : 4 * station + 4] = force * psi[j : j + 2]
+    catenary.external_load[e : e + 2, 1] = force * psi.reshape(2, 2)
 
 
 def look_at(catenary: Catenary, x: float) -> float:
     """Deviation of the contact wire at x (m, relative to the pantograph)."""
-    mesh = catenary.mesh
-    at = (x + mesh.half_length) / mesh.h
-    e = int(at)
-    psi = np.zeros(4)
-    elements.shape_functions(at - e, mesh.h, psi)
-    contact = catenary.deviation[0, :, 1]
-    return float(psi[:2] @ contact[e] + psi[2:] @ contact[e + 1])
+    e, psi = place(catenary, x)
+    return float((catenary.deviation[0, e : e + 2, 1] * psi.reshape(2, 2)).sum())
+
+
+HEAVY = Line(
+    spans=(
+        Span(
+            50.0, tuple(Dropper(x, mass=0.4) for x in (5.0, 15.0, 25.0, 35.0, 45.0)), steady_arm=SteadyArm(300.0, 0.5)
+        ),
+        Span(
+            60.0, tuple(Dropper(x, mass=0.4) for x in (5.0, 17.0, 30.0, 43.0, 55.0)), steady_arm=SteadyArm(300.0, 0.5)
+        ),
+    ),
+    name="masses",
+)
 
 
 @pytest.mark.parametrize(
     ("line", "tolerance"),
     [
         # the frames differ in mesh and in how far droppers fade; the physics is the same
-        pytest.param(FREE, 0.005, id="free wires"),
-        pytest.param(Line(), 0.02, id="droppers and masts"),
+        pytest.param(FREE, 0.003, id="free wires"),
+        pytest.param(Line(), 0.006, id="droppers and masts"),
+        pytest.param(HEAVY, 0.01, id="masses and arms, uneven spans"),
     ],
 )
-def test_frame_of_the_train_makes_no_difference(line: Line, tolerance: float) -> None:
-    """A push at a fixed point of the line, seen at 250 km/h and at rest; rms of the difference over rms of the motion.
+@pytest.mark.parametrize("speed_kmh", [100.0, 250.0])
+def test_frame_of_the_train_makes_no_difference(line: Line, tolerance: float, speed_kmh: float) -> None:
+    """Galilean invariance: a push at a fixed point of the line, seen from the train and at rest.
 
-    Observed where it is pushed and 12.3 m on, for 0.5 s, before anything comes back from the ends.
+    Rms of the difference over rms of the motion, observed where it is pushed and 12.3 m on, for 0.5 s, before anything
+    comes back from the ends.
     """
     pushed, seen = 97.3, (97.3, 109.6)
     records = []
-    for speed, start in ((0.0, 90.0), (250 / 3.6, 75.0)):
-        catenary = Catenary(Config(line=line, speed=speed, start_position=start, spans=6, cycle_time=0.001))
+    for speed, start in ((0.0, 90.0), (speed_kmh / 3.6, 90.0 - 0.22 * speed_kmh / 3.6)):
+        catenary = Catenary(Config(line=line, speed=speed, start_position=start, spans=4, cycle_time=0.001))
         w = []
         for k in range(1, 501):
             zeta = start + speed * 0.001 * k
@@ -112,9 +121,12 @@ def test_frame_of_the_train_makes_no_difference(line: Line, tolerance: float) ->
 
 
 def test_two_spans_agree_with_many_on_the_same_mesh() -> None:
-    """Truncation of the domain with droppers: a ride's mean and standard deviation of w_cat, 4 spans against 12."""
+    """Truncation of the domain with droppers: the motion under a given force, 2 spans and layers against 12 spans.
+
+    Rms of the difference over the standard deviation, measured 0.3 %.
+    """
     records = []
-    for spans in (4, 12):
+    for spans in (2, 12):
         catenary = Catenary(Config(spans=spans))
         w = np.zeros(2500)
         for k in range(2500):
@@ -124,4 +136,4 @@ def test_two_spans_agree_with_many_on_the_same_mesh() -> None:
         records.append(w[1000:])
     short, long = records
     difference = np.sqrt(np.mean((short - long) ** 2))
-    assert difference < 0.15 * long.std()
+    assert difference < 0.01 * long.std()

@@ -12,6 +12,7 @@ import pytest
 import yaml
 from rosbags.rosbag2 import Reader
 
+from catenary_model.line_file import load_line
 from energy_monitor.bag import read_bag
 from ride.shared_memory import litter, snapshot
 
@@ -35,6 +36,7 @@ def test_the_ride_succeeds_and_leaves_what_was_promised(lockstep_ride):
     assert lockstep_ride.code == 0, lockstep_ride.text
     for name in (
         "params.yaml",
+        "line.yaml",
         "report.json",
         "report.html",
         "ride.png",
@@ -72,6 +74,17 @@ def test_the_parameter_file_holds_every_node(lockstep_ride):
     tree = yaml.safe_load((lockstep_ride.out / "params.yaml").read_text())
     assert set(tree) == {"catenary_model", "impedance_mpc", "energy_monitor", "test_rig_sim"}
     assert tree["test_rig_sim"]["ros__parameters"]["seed"] == 7
+
+
+def test_the_line_is_kept_beside_the_bag(lockstep_ride):
+    tree = yaml.safe_load((lockstep_ride.out / "params.yaml").read_text())
+    name = tree["catenary_model"]["ros__parameters"]["line"]
+    assert load_line(lockstep_ride.out / "line.yaml") == load_line(name)
+
+
+def test_the_turnaround_of_every_cycle_is_in_the_bag(lockstep_ride):
+    timing = read_bag(lockstep_ride.out / "bag").tables["/catenary_model/timing"]
+    assert sum(len(batch) for batch in timing.entries("turnaround")) == CYCLES
 
 
 def test_nothing_is_left_running(lockstep_ride, leftovers):

@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import model_validator
 
 from phil_node.parameters import Group, ParameterError, build, config_file, infos, parameter, read_file, values_of
 
@@ -62,6 +63,19 @@ def test_a_bad_value_is_one_line_with_key_value_and_range(key, value, words):
     assert text.count("\n") == 0
     for word in ["node", *words]:
         assert word in text
+
+
+def test_every_line_of_a_long_refusal_says_whose_it_is():
+    class Both(Group):
+        low: float = parameter("Low", unit="m")
+
+        @model_validator(mode="after")
+        def _refuse(self):
+            raise ValueError("first\nsecond")
+
+    with pytest.raises(ParameterError) as caught:
+        build(Both, {"low": 1.0}, "node")
+    assert str(caught.value) == "node: first\nnode: second"
 
 
 def test_unknown_and_missing_keys_are_named():

@@ -28,6 +28,22 @@ def test_a_batch_is_sent_when_full_and_holds_every_cycle():
     assert len(sent[1][1]) == 3
 
 
+def test_what_is_left_is_sent_once_at_the_end():
+    sent = []
+    timing = Timing()
+    timing.connect(message(), lambda m: sent.append((m.cycle, list(m.turnaround), m.header.stamp)), 0.002)
+    timing.finish()
+    assert sent == []
+    for cycle in range(BATCH + 7):
+        timing.add(0.5, SimpleNamespace(stamp=cycle), cycle)
+    timing.finish()
+    timing.finish()
+    assert [(cycle, len(values), stamp) for cycle, values, stamp in sent] == [
+        (BATCH - 1, BATCH, BATCH - 1),
+        (BATCH + 6, 7, BATCH + 6),
+    ]
+
+
 def test_clear_forgets():
     timing = Timing()
     timing.connect(message(), lambda m: None, 0.002)

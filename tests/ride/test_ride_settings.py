@@ -6,10 +6,12 @@ import sys
 import pytest
 import yaml
 
+from catenary_model.line import Line
+from catenary_model.line_file import dump_line, load_line
 from phil_node.parameters import ParameterError
 from ride.folder import clear
 from ride.options import parse
-from ride.settings import NODES, resolve, write
+from ride.settings import NODES, line_text, resolve, write
 
 
 def file(tmp_path, tree):
@@ -49,6 +51,7 @@ def test_different_cycle_times_are_refused():
         ({"catenary_modle": {"ros__parameters": {"spans": 3}}}, "no node 'catenary_modle'"),
         ({"catenary_model": {"ros__parameters": {"spnas": 3}}}, "spnas.*unknown.*spans"),
         ({"catenary_model": {"ros__parameters": {"speed_kmh": 4000.0}}}, "speed_kmh.*4000.*km/h"),
+        ({"catenary_model": {"ros__parameters": {"line": "nowhere"}}}, "'line'.*nowhere.*presets are .*en50318_2002"),
         ({"test_rig_sim": {"ros__parameters": {"mode": "fast"}}}, "mode.*fast.*lockstep"),
         ({"/**": {"ros__parameters": {"cycletime": 0.002}}}, "no node has a parameter 'cycletime'"),
     ],
@@ -60,14 +63,50 @@ def test_what_is_wrong_is_named(tmp_path, tree, words):
 
 def test_the_written_file_gives_the_same_ride_again(tmp_path):
     settings = resolve(None, {"test_rig_sim": {"seed": 5}})
-    write(settings, tmp_path / "params.yaml")
+    write(settings, line_text(settings), tmp_path)
     assert resolve(tmp_path / "params.yaml", {}) == settings
+    assert load_line(tmp_path / "line.yaml") == load_line(settings["catenary_model"]["line"])
+
+
+def test_a_ride_keeps_a_copy_of_its_own_line(tmp_path, monkeypatch):
+    """The file may change or vanish after the start, and the folder from which it was named does not matter."""
+    monkeypatch.chdir(tmp_path)
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(dump_line(Line(name="mine", gravity=9.7)))
+    settings = resolve(None, {"catenary_model": {"line": "mine.yaml"}})
+    line = line_text(settings)
+    (tmp_path / "ride").mkdir()
+    mine.write_text("broken")
+    write(settings, line, tmp_path / "ride")
+    mine.unlink()
+    monkeypatch.chdir("/")
+    again = resolve(tmp_path / "ride" / "params.yaml", {})
+    assert load_line(again["catenary_model"]["line"]) == Line(name="mine", gravity=9.7)
+
+
+def test_every_problem_of_a_line_is_said_with_parameter_file_and_entry(tmp_path):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(dump_line(Line()).replace("length: 60.0", "length: -60.0").replace("gravity: 9.81", "gravity: 99"))
+    with pytest.raises(ParameterError) as refused:
+        resolve(None, {"catenary_model": {"line": str(mine)}})
+    lines = str(refused.value).splitlines()
+    assert len(lines) == 2
+    for line, entry in zip(sorted(lines), ("gravity = 99", r"spans[0].length = -60"), strict=True):
+        assert line.startswith(f"catenary_model: parameter 'line': {mine}: {entry}")
+
+
+def test_a_home_folder_is_understood(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "mine.yaml").write_text(dump_line(Line(name="mine")))
+    assert "mine" in line_text(resolve(None, {"catenary_model": {"line": "~/mine.yaml"}}))
 
 
 def test_shortcuts_are_parameters():
-    options = parse(["--speed-kmh", "200", "--seed", "3", "--set", "impedance_mpc.correction=false"])
+    options = parse(
+        ["--speed-kmh", "200", "--line", "a.yaml", "--seed", "3", "--set", "impedance_mpc.correction=false"]
+    )
     assert options.overrides == {
-        "catenary_model": {"speed_kmh": 200.0},
+        "catenary_model": {"speed_kmh": 200.0, "line": "a.yaml"},
         "test_rig_sim": {"seed": 3},
         "impedance_mpc": {"correction": False},
     }

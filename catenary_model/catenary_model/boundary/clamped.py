@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from catenary_model.boundary.layer import Layer
 from catenary_model.moving_frame import MovingFrame
 
 
-def clamped(frame: MovingFrame) -> None:
+def clamped(frame: MovingFrame, layer: Layer) -> None:
     """Hold displacement and rotation of both wires at both ends."""
     last = 4 * (frame.mesh.stations - 1)
     for station, inward in ((0, 1), (last, -1)):

@@ -13,10 +13,11 @@ moment and shear are zero at the end. Droppers and masts do not enter: they are 
 
 from __future__ import annotations
 
+from catenary_model.boundary.layer import Layer
 from catenary_model.moving_frame import CARRIER, CONTACT, MovingFrame
 
 
-def matched_dashpot(frame: MovingFrame) -> None:
+def matched_dashpot(frame: MovingFrame, layer: Layer) -> None:
     """Add Z(v) and its small companion spring to the end displacements of both wires."""
     ahead = 4 * (frame.mesh.stations - 1)
     for which in (CARRIER, CONTACT):

@@ -1,0 +1,55 @@
+"""The wire near one end as a linear system in discrete time (3.30): the plant of the design."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary_model.boundary.layer import Layer
+from catenary_model.boundary.matched_dashpot import matched_dashpot
+from catenary_model.boundary.reflection import end_of
+from catenary_model.line import Wire
+from catenary_model.moving_frame import Mesh, assemble
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """x_(k+1) = A x_k + B u_k with x = (q, q', q''), nodes counted from the end inwards, (w, phi) interleaved."""
+
+    A: Array
+    """(6 nodes, 6 nodes)."""
+    B: Array
+    """(6 nodes, 2 nodes): a force or torque on every degree of freedom, held during the step."""
+
+    @property
+    def nodes(self) -> int:
+        """Nodes of the segment."""
+        return int(self.B.shape[1]) // 2
+
+
+def newmark(M: Array, D: Array, K: Array, step: Layer) -> tuple[Array, Array]:
+    """Return A (3 n, 3 n) and B (3 n, n) of Newmark's step (3.19 to 3.23) for x = (q, q', q'')."""
+    ts, beta, gamma = step.ts, step.beta, step.gamma
+    eye = np.eye(M.shape[0])
+    inverse = np.linalg.inv(M + gamma * ts * D + beta * ts**2 * K)
+    q = np.hstack((eye, ts * eye, ts**2 * (0.5 - beta) * eye))
+    q_t = np.hstack((0.0 * eye, eye, ts * (1.0 - gamma) * eye))
+    q_tt = -inverse @ (D @ q_t + K @ q)
+    A = np.vstack((q + beta * ts**2 * q_tt, q_t + gamma * ts * q_tt, q_tt))
+    return A, np.vstack((beta * ts**2 * inverse, gamma * ts * inverse, inverse))
+
+
+def segment(wire: Wire, h: float, speed: float, end: int, nodes: int, step: Layer) -> Segment:
+    """Return the outermost `nodes` nodes of an end that already carries the matched dashpot.
+
+    The dashpot belongs to the plant: it takes the long waves, and control has to do only what dispersion leaves. The
+    inner end of the segment is cut off there; whoever predicts with it must stay away from that end.
+    """
+    frame = assemble(Mesh(h, nodes), wire, wire, speed)
+    matched_dashpot(frame, step)
+    cut = end_of(frame, None, 0, end, nodes)
+    return Segment(*newmark(cut.mass[:, :-2], cut.damping[:, :-2], cut.stiffness[:, :-2], step))
