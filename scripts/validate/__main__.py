@@ -1,0 +1,90 @@
+"""Entry point of ``scripts/validate.sh``: holds the models against what they must reproduce."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import platform
+import sys
+import time
+from pathlib import Path
+
+NAMES = {
+    "en50318": ("validate.en50318", "the reference model of EN 50318:2002 at 250 and 300 km/h"),
+    "reference": ("validate.reference", "convergence and speed of the catenary-fixed reference"),
+    "absorption": ("validate.absorption", "what the ends send back: wave packets, every kind, both directions"),
+    "realtime": ("validate.realtime", "the real-time model against the catenary-fixed reference"),
+    "longrun": ("validate.longrun", "hours of ride: drift, energy, droppers, recovery from disturbances"),
+    "reduced": ("validate.reduced", "the controller's reduced model against the full one"),
+}
+"""Module of every name, imported only when asked for, and what it measures."""
+
+WIDTH = 132
+"""Columns of the table where there is no terminal."""
+SELDOM = 10.0
+"""Time between two lines of progress where there is no terminal, s."""
+
+
+def main() -> int:
+    """Measure, print, write; 0 only if every row with a goal holds."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/validate.sh",
+        description=__doc__,
+        epilog="\n".join(f"{name:12} {what}" for name, (_, what) in NAMES.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("name", choices=tuple(NAMES), help="what to validate (see below)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="draw the pictures there")
+    parser.add_argument("--quick", action="store_true", help="shortened: only to see that it works")
+    given = parser.parse_args()
+    try:
+        if given.json:
+            given.json.touch()
+        if given.out:
+            given.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"{error.filename} cannot be written: {error.strerror}")
+
+    from rich.console import Console
+
+    from validate.outcome import Outcome, table
+
+    console, progress = Console(), Console(stderr=True)
+    if not console.is_terminal:
+        console.width = WIDTH
+    module = importlib.import_module(NAMES[given.name][0])
+    with progress.status(given.name) as status:
+        last = -SELDOM
+
+        def say(what: str) -> None:
+            nonlocal last
+            if progress.is_terminal:
+                status.update(what)
+            elif time.monotonic() - last >= SELDOM:
+                progress.print(what, highlight=False)
+                last = time.monotonic()
+
+        outcome: Outcome = module.run(given.quick, given.out, say)
+    console.print(table(outcome))
+    for note in outcome.notes:
+        console.print(f"- {note}", highlight=False, markup=False)
+    if given.quick:
+        console.print("This was a shortened run: verdicts are given on full runs.")
+    if given.json:
+        machine = {"machine": platform.machine(), "python": platform.python_version(), "quick": given.quick}
+        document = {
+            "name": given.name,
+            "title": outcome.title,
+            **machine,
+            "holds": outcome.holds,
+            "rows": [row.row() for row in outcome.rows],
+            "notes": list(outcome.notes),
+        }
+        given.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    return 0 if outcome.holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+"""What a validation says: verdicts, evaluation of the reference model, the entry point's exit code."""
+
+import json
+import math
+import sys
+import types
+
+import numpy as np
+import pytest
+
+from catenary_model.reference import Ride
+from validate import __main__ as entry
+from validate import en50318
+from validate.outcome import Outcome, Row
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "holds"),
+    [
+        (1.0, None, None, None),
+        (1.0, 1.0, 2.0, True),
+        (2.0, 1.0, 2.0, True),
+        (0.99, 1.0, 2.0, False),
+        (2.01, 1.0, 2.0, False),
+        (5.0, 1.0, None, True),
+        (5.0, None, 1.0, False),
+        (math.nan, None, 1.0, False),
+        (math.inf, 1.0, None, False),
+    ],
+)
+def test_verdict_of_a_row(value: float, low: float | None, high: float | None, holds: bool | None) -> None:
+    assert Row("", "", value, "", low, high).holds is holds
+
+
+def test_outcome_holds_only_if_every_goal_is_met() -> None:
+    good, bad, told = Row("", "", 1.0, "", 0.0), Row("", "", 1.0, "", 2.0), Row("", "", 1.0, "")
+    assert Outcome("", [good, told]).holds
+    assert not Outcome("", [good, bad, told]).holds
+
+
+def made_up_ride() -> Ride:
+    """Two minutes of line at 60 m/s with a force of known mean, sigma and extremes, one loss, one uplift a support."""
+    ts = 1e-3
+    t = ts * np.arange(1, 9_001)
+    force = 100.0 + 20.0 * np.sqrt(2.0) * np.sin(2.0 * np.pi * t)
+    supports = 60.0 * np.arange(11)
+    uplift = 1e-3 * np.exp(-((t[:, None] - supports / 60.0) ** 2)) * (40.0 + np.arange(11))
+    none = np.zeros(0)
+    return Ride(
+        t,
+        60.0 * t,
+        t,
+        t,
+        force,
+        t,
+        t.astype(np.int64),
+        t.astype(np.int64),
+        supports,
+        uplift,
+        none,
+        none.reshape(0, 2, 0),
+    )
+
+
+def test_values_of_a_known_force() -> None:
+    """1 Hz passes the 20 Hz filter (0.1 %); spans 5 and 6 are 4 to 6 s; supports 4, 5, 6 count, at most 46 mm."""
+    mean, sigma, high, low, largest, least, uplift, loss = en50318.values(made_up_ride())
+    assert (mean, sigma) == pytest.approx((100.0, 20.0), rel=2e-3)
+    assert (high, low) == pytest.approx((160.0, 40.0), rel=5e-3)
+    assert (largest, least) == pytest.approx((100.0 + 28.28, 100.0 - 28.28), rel=2e-3)
+    assert uplift == pytest.approx(46.0, rel=1e-6)
+    assert loss == 0.0
+
+
+def test_loss_of_contact_is_counted_before_the_filter() -> None:
+    record = made_up_ride()
+    record.F[5_000:5_002] = 0.0
+    assert en50318.values(record)[-1] == pytest.approx(100.0 * 2 / 2000)
+
+
+def test_quick_run_of_the_reference_model() -> None:
+    """All 16 rows with their ranges; they hold at the shortened run's coarser mesh as well."""
+    outcome = en50318.run(True, None, lambda _: None)
+    judged = [row for row in outcome.rows if row.holds is not None]
+    assert len(judged) == 16
+    assert {row.case for row in judged} == {"250 km/h", "300 km/h"}
+    assert [row.name for row in judged if not row.holds] == []
+
+
+@pytest.mark.parametrize(("value", "code"), [(1.0, 0), (3.0, 1)])
+def test_exit_code_and_json(
+    value: float, code: int, monkeypatch: pytest.MonkeyPatch, tmp_path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made_up = types.ModuleType("made_up_validation")
+    made_up.run = lambda quick, out, say: Outcome("Made up", [Row("x", "c", value, "N", None, 2.0)], [f"quick {quick}"])
+    monkeypatch.setitem(sys.modules, "made_up_validation", made_up)
+    monkeypatch.setitem(entry.NAMES, "made-up", ("made_up_validation", "nothing"))
+    target = tmp_path / "figures.json"
+    monkeypatch.setattr(sys, "argv", ["validate", "made-up", "--quick", "--json", str(target)])
+    assert entry.main() == code
+    said = capsys.readouterr().out
+    assert ("holds" if code == 0 else "FAILS") in said
+    assert "verdicts are given on full runs" in said
+    document = json.loads(target.read_text())
+    assert document["holds"] is (code == 0)
+    assert document["rows"][0]["value"] == value
