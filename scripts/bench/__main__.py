@@ -11,6 +11,9 @@ from pathlib import Path
 
 NAMES = ("catenary", "mpc", "realtime")
 
+WIDTH = 132
+"""Columns of the tables where there is no terminal."""
+
 
 def main() -> int:
     """Measure, print, write; 0 unless the measurement itself failed: speed is told, not tested."""
@@ -34,14 +37,30 @@ def main() -> int:
     from bench.distribution import picture, table
 
     gc.disable()
-    title, rows, samples = BENCHES[given.name](given.quick)
-    Console().print(table(title, rows))
+    outcome = BENCHES[given.name](given.quick)
+    console = Console()
+    if not console.is_terminal:
+        console.width = WIDTH
+    console.print(table(outcome.title, outcome.rows))
+    for sheet in outcome.sheets:
+        console.print(sheet.table())
+    for note in outcome.notes:
+        console.print(f"- {note}", highlight=False, markup=False)
     if given.json:
         machine = {"machine": platform.machine(), "python": platform.python_version(), "quick": given.quick}
-        document = {"name": given.name, "title": title, **machine, "rows": [row.row() for row in rows]}
+        document = {
+            "name": given.name,
+            "title": outcome.title,
+            **machine,
+            "rows": [row.row() for row in outcome.rows],
+            **{sheet.name: list(sheet.rows) for sheet in outcome.sheets},
+            "notes": outcome.notes,
+        }
         given.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     if given.out:
-        picture(title, samples, given.out / f"bench-{given.name}.png")
+        picture(outcome.title, outcome.samples, given.out / f"bench-{given.name}.png")
+        for name, draw in outcome.pictures.items():
+            draw(given.out / f"bench-{given.name}-{name}.png")
     return 0
 
 

@@ -10,32 +10,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bench.distribution import Distribution, distribution
+from bench.distribution import distribution
+from bench.outcome import Outcome, Samples
 from ride.settings import resolve
 
-Samples = dict[str, NDArray[np.float64]]
-Result = tuple[str, list[Distribution], Samples]
-
-THESIS_CATENARY_MS = 0.33
 THESIS_CONTROLLER_MS = 1.77
-"""Turnaround times of Table 3.2."""
+"""Turnaround time of Table 3.2."""
 
 
-def catenary(quick: bool) -> Result:
-    """Time the catenary's step over the number of spans, in the closed loop with controller and rig."""
-    from bench.closed_loop import ClosedLoop
+def catenary(quick: bool) -> Outcome:
+    """Time the catenary's step: distribution, spans, phases, competitors."""
+    from bench.catenary import run
 
-    samples: Samples = {}
-    for spans in (2, 4, 8, 16):
-        loop = ClosedLoop(resolve(None, {"catenary_model": {"spans": spans}}))
-        samples[f"{spans} spans"] = loop.times(500 if quick else 5000)["catenary"]
-    rows = [distribution(name, times, THESIS_CATENARY_MS, "median", "Table 3.2") for name, times in samples.items()]
-    return "catenary: one step of 2 ms at 250 km/h", rows, samples
+    return run(quick)
 
 
-def mpc(quick: bool) -> Result:
+def mpc(quick: bool) -> Outcome:
     """Time a whole cycle of the controller (states in, command out) over segment and horizon."""
     from bench.closed_loop import ClosedLoop
 
@@ -49,10 +40,10 @@ def mpc(quick: bool) -> Result:
         times = ClosedLoop(resolve(None, changes)).times(500 if quick else 5000)
         samples[f"segment {2 * half:g} m, Np {horizon}, Nc {moves}"] = times["impedance_mpc"]
     rows = [distribution(name, times, THESIS_CONTROLLER_MS, "median", "Table 3.2") for name, times in samples.items()]
-    return "impedance controller: one cycle", rows, samples
+    return Outcome("impedance controller: one cycle", rows, samples)
 
 
-def realtime(quick: bool) -> Result:
+def realtime(quick: bool) -> Outcome:
     """Ride in real time with the four nodes and the recorder; turnaround of each node, round trip of the rig."""
     from energy_monitor.bag import read_bag
 
@@ -72,7 +63,7 @@ def realtime(quick: bool) -> Result:
         goal = (2.0, "p99", "one cycle") if node == "test_rig_sim" else (None, "median", "")
         rows.append(distribution(name, samples[name], *goal))
     title = f"real time, {rows[0].count} cycles of 2 ms, late commands: {late['test_rig_sim']}"
-    return title, rows, samples
+    return Outcome(title, rows, samples)
 
 
-BENCHES: dict[str, Callable[[bool], Result]] = {"catenary": catenary, "mpc": mpc, "realtime": realtime}
+BENCHES: dict[str, Callable[[bool], Outcome]] = {"catenary": catenary, "mpc": mpc, "realtime": realtime}
