@@ -156,6 +156,8 @@ def _mcap_records(source: Source, file: Path, wanted: Wanted) -> Iterator[Record
             yield from _walk(state, memoryview(_decompressor("zstd")(stream.read())), len(MAGIC))
         else:
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as mapped:
+                if len(mapped) < len(MAGIC) and MAGIC.startswith(mapped[:]):
+                    raise BagError(f"{file}: empty, cut off before anything was recorded")
                 if mapped[: len(MAGIC)] != MAGIC:
                     raise BagError(f"{file}: not an MCAP file (wrong magic bytes)")
                 with memoryview(mapped) as view:

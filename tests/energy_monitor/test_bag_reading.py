@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
@@ -114,6 +114,7 @@ def test_cut_compressed_chunk(synthetic: Writer, tmp_path: Path) -> None:
 
 
 @settings(max_examples=25, deadline=None)
+@example(share=1e-6)
 @given(share=st.floats(0.0, 1.0))
 def test_cut_anywhere_gives_the_beginning(share: float, file: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     # A file that is cut at any byte gives a gapless beginning of the ride, or says in one line that it is empty.
