@@ -41,7 +41,10 @@ class Parameters(Group):
     fading_length: float = parameter(
         "Distance from either end over which droppers and masts fade", unit="m", low=0.0, high=1000.0
     )
-    boundary: str = parameter("What ends the wires", choices=tuple(BOUNDARIES))
+    boundary: str = parameter(
+        "What ends the wires; clamped and viscous_sponge reflect: for comparison only, with a long fading_length",
+        choices=tuple(BOUNDARIES),
+    )
     boundary_nodes: int = parameter("Nodes at either end that a controlled or viscous boundary uses", low=0, high=200)
     newmark_beta: float = parameter("Newmark's beta of the integration", low=0.05, high=1.0)
     newmark_gamma: float = parameter("Newmark's gamma of the integration", low=0.5, high=1.0)
