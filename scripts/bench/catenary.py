@@ -167,14 +167,14 @@ def run(quick: bool) -> Outcome:
     samples = {f"{spans} spans": replay.times for spans, replay in replays.items()}
     samples[f"{THESIS_NAME}, {4 * coarse.catenary.mesh.stations} unknowns"] = coarse.times
     samples["2 spans, between controller and rig"] = loop.times
-    goals = [(MEDIAN_GOAL, "median", "goal"), *[(None, "median", "")] * len(SPANS)]
-    goals.append((THESIS_CATENARY_MS, "median", "Table 3.2"))
+    wanted, nothing = (MEDIAN_GOAL, "median", "goal"), (None, "median", "")
+    goals = [wanted, *[nothing] * (len(SPANS) - 1), wanted, (THESIS_CATENARY_MS, "median", "Table 3.2")]
     rows = [distribution(name, times, *goal) for (name, times), goal in zip(samples.items(), goals, strict=True)]
     measured = {kind: share.share() for kind, share in shares.items()}
     held = {name: contest.contest for name, contest in contests.items()}
     cost = _over_spans(replays)
     sheets = [
-        _goals(replays, cost),
+        _goals(replays, coarse, cost),
         cost,
         _phases(measured, rows[0].median),
         _boundaries(measured),
@@ -240,7 +240,7 @@ def _over_spans(replays: dict[int, Replay]) -> Sheet:
     return Sheet("spans", "cost over spans", columns, rows)
 
 
-def _goals(replays: dict[int, Replay], cost: Sheet) -> Sheet:
+def _goals(replays: dict[int, Replay], coarse: Replay, cost: Sheet) -> Sheet:
     medians = {spans: float(np.median(replay.times)) * 1e3 for spans, replay in replays.items()}
     best = {spans: float(replay.medians.min()) * 1e3 for spans, replay in replays.items()}
     tail = [float(np.percentile(block, 99.0) / np.median(block)) for block in replays[2].blocks]
@@ -248,6 +248,13 @@ def _goals(replays: dict[int, Replay], cost: Sheet) -> Sheet:
     measured = [
         ("median, 2 spans", medians[2], best[2], "ms", MEDIAN_GOAL),
         ("p99 over median, 2 spans", float(np.percentile(two, 99.0)) / medians[2], min(tail), "1", TAIL_GOAL),
+        (
+            f"median, {THESIS_NAME}",
+            float(np.median(coarse.times)) * 1e3,
+            float(coarse.medians.min()) * 1e3,
+            "ms",
+            MEDIAN_GOAL,
+        ),
         ("cost of a span (regression)", per_span(medians)[0], per_span(best)[0], "ms", PER_SPAN_GOAL),
     ]
     rows: list[dict[str, object]] = [
