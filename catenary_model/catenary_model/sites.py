@@ -79,7 +79,7 @@ from catenary_model.layout import (
 )
 from catenary_model.wires import PAD
 
-# Helpers get the arrays that they need, not the bundles: a call that is not inlined would copy these.
+# Inner functions get the arrays that they need, not the bundles: a call that is not inlined would copy these.
 
 
 @njit(cache=True, fastmath={"contract"})
