@@ -168,6 +168,11 @@ class Config:
         return self.cycle_time / self.substeps
 
     @property
+    def layer(self) -> Layer:
+        """What a boundary kind is told."""
+        return Layer(self.boundary_nodes, self.step_time, self.newmark_beta, self.newmark_gamma)
+
+    @property
     def mesh(self) -> Mesh:
         """Mesh of the domain: the spans and the layers, rounded to whole elements, an even number of them."""
         half = 0.5 * self.spans * self.line.period / len(self.line.spans)
@@ -194,8 +199,7 @@ class Catenary:
         self.mesh = config.mesh
         self.statics = statics.solve(line)
         self.frame: MovingFrame = assemble(self.mesh, line.carrier, line.contact, config.speed)
-        layer = Layer(config.boundary_nodes, config.step_time, config.newmark_beta, config.newmark_gamma)
-        self.feedback = impose(config.boundary, self.frame, layer)
+        self.feedback = impose(config.boundary, self.frame, config.layer)
         self.reduced = reduced.reduce(self.mesh, line.contact, config.speed, config.segment_half_length)
         self.constants = self._constants()
         *self._packed, self.constants, self.state = arena.pack(self.constants, self._state())
@@ -253,7 +257,7 @@ class Catenary:
             taut=np.zeros(ring, dtype=np.int64),
             particle=np.zeros((ring, 4)),
             counter=np.zeros(11, dtype=np.int64),
-            point=np.zeros(6),
+            point=np.zeros(5),
             contact=np.zeros(6),
             segment=np.zeros((4, self.reduced.n)),
             external=np.zeros((2, 2, stations)),
@@ -268,9 +272,11 @@ class Catenary:
         )
 
     def reset(self) -> None:
-        """Go back to rest at the start position, cycle 0."""
+        """Go back to rest at the start position, cycle 0; no external load."""
+        pushed = self.state.counter[layout.PUSHED]  # whoever has the view may write into it again
         for array in self.state:
             array.fill(0)
+        self.state.counter[layout.PUSHED] = pushed
         period, n = self.config.line.period, len(self.constants.site)
         behind = math.floor((self.config.start_position - self.mesh.behind) / period) - 1
         self.state.counter[layout.FIRST_SITE] = self.state.counter[layout.NEXT_SITE] = behind * n

@@ -7,10 +7,10 @@ from dataclasses import fields
 
 from pydantic import PrivateAttr, model_validator
 
-from catenary_model.boundary import BOUNDARIES
+from catenary_model.boundary import BOUNDARIES, impose
 from catenary_model.line import Line
 from catenary_model.line_file import LineFileError, load_line, preset_names
-from catenary_model.model import Config
+from catenary_model.model import Config, check_stability
 from catenary_model.moving_frame import assemble
 from catenary_model.reduced import reduce
 from phil_node.parameters import Group, parameter
@@ -76,7 +76,9 @@ class Parameters(Group):
         except LineFileError as error:
             raise ValueError("\n".join(f"parameter 'line': {text}" for text in str(error).splitlines())) from None
         config = self.config()
-        assemble(config.mesh, self._line.carrier, self._line.contact, config.speed)
+        check_stability(config)
+        frame = assemble(config.mesh, self._line.carrier, self._line.contact, config.speed)
+        impose(config.boundary, frame, config.layer)
         reduce(config.mesh, self._line.contact, config.speed, config.segment_half_length)
         return self
 

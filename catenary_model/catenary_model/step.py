@@ -37,7 +37,6 @@ from catenary_model.layout import (
     TS,
     V_CAT,
     W_CAT,
-    WORK,
     ZETA,
     Array,
     Constants,
@@ -100,11 +99,10 @@ def observe(c: Constants, s: State, f_cat: float) -> None:
             )
         seg[3, i] = total
     seg[3, 2 * middle] -= f_cat
-    before, local = s.point[W_CAT], c.real[COMPLIANCE]
+    local = c.real[COMPLIANCE]
     s.point[W_CAT] = seg[0, 2 * middle] + local * f_cat
     s.point[V_CAT] = seg[1, 2 * middle] + local * (f_cat - s.point[F_CAT]) / (c.real[TS] * c.whole[SUBSTEPS])
     s.point[A_CAT] = seg[2, 2 * middle]
-    s.point[WORK] += 0.5 * (f_cat + s.point[F_CAT]) * (s.point[W_CAT] - before)
     s.point[F_CAT] = f_cat
     s.point[ZETA] = zeta
 

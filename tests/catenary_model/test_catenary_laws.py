@@ -230,3 +230,19 @@ def test_order_in_the_mesh(speed_kmh: float) -> None:
     errors = [np.abs(end - fine).max() for end in (coarse, middle)]
     assert errors[0] < 0.1 * np.abs(fine).max()
     assert np.log2(errors[0] / errors[1]) > 3.5
+
+
+def test_an_external_load_outlives_a_reset_as_an_array() -> None:
+    """A reset takes the load away; who has kept the array may write into it again."""
+    catenary = Catenary(Config(spans=2))
+    load = catenary.external_load
+    load[catenary.mesh.middle, 1, 0] = 100.0
+    catenary.step(0.0)
+    pushed = catenary.w_cat
+    catenary.reset()
+    catenary.step(0.0)
+    assert abs(pushed - catenary.w_cat) > 1e-5
+    catenary.reset()
+    load[catenary.mesh.middle, 1, 0] = 100.0
+    catenary.step(0.0)
+    assert catenary.w_cat == pushed

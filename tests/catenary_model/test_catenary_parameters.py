@@ -76,6 +76,8 @@ def test_a_file_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"local_compliance": 1}, "local_compliance"),
         ({"fading_length": 300.0}, "fading_length"),
         ({"segment_half_length": 190.0}, "segment_half_length"),
+        ({"element_length": 0.375}, r"is too long for element_length = 0\.375 m.*choose more substeps"),
+        ({"spans": 1, "layer_behind": 0.0, "layer_ahead": 0.0, "boundary_nodes": 200}, "two layers of 200 nodes"),
         ({"line": ""}, "parameter 'line': .*presets are .*en50318_2002"),
         ({"line": "no_such_line"}, "parameter 'line': .*no_such_line.*presets are .*en50318_2002"),
         ({"line": "/no/such/line.yaml"}, r"parameter 'line': /no/such/line\.yaml: cannot be read"),

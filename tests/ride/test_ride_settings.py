@@ -29,8 +29,8 @@ def test_options_win_over_the_file_and_the_file_over_defaults(tmp_path):
 
 
 def test_wildcards_reach_every_node_that_has_the_parameter(tmp_path):
-    settings = resolve(file(tmp_path, {"/**": {"ros__parameters": {"cycle_time": 0.004}}}), {})
-    assert {values["cycle_time"] for values in settings.values()} == {0.004}
+    settings = resolve(file(tmp_path, {"/**": {"ros__parameters": {"cycle_time": 0.003}}}), {})
+    assert {values["cycle_time"] for values in settings.values()} == {0.003}
 
 
 def test_a_wildcard_before_a_name_is_for_that_node_only(tmp_path):
