@@ -20,7 +20,7 @@ POSITION, ON_CARRIER, ON_CONTACT, STIFFNESS, INERTIA, FORCE, ELONGATION, ONE_SID
 # entries of State.counter
 STEPS, FIRST_SITE, NEXT_SITE, SITES, CONTACT, DROPPERS, SLACK, ITERATIONS, UNSETTLED, LISTED, PUSHED = range(11)
 # entries of State.point
-W_CAT, V_CAT, A_CAT, F_CAT, ZETA = range(5)
+W_CAT, V_CAT, A_CAT, F_CAT, ZETA, WORK, IMPULSE = range(7)
 # entries of State.contact
 K_CONTACT, HEAD, TOUCH, GIVEN, LAST_FORCE, NEXT_CHANGE = range(6)
 # columns of State.particle after displacement, velocity and acceleration

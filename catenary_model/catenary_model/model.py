@@ -257,7 +257,7 @@ class Catenary:
             taut=np.zeros(ring, dtype=np.int64),
             particle=np.zeros((ring, 4)),
             counter=np.zeros(11, dtype=np.int64),
-            point=np.zeros(5),
+            point=np.zeros(7),
             contact=np.zeros(6),
             segment=np.zeros((4, self.reduced.n)),
             external=np.zeros((2, 2, stations)),
@@ -310,6 +310,21 @@ class Catenary:
     def f_cat(self) -> float:
         """Contact force that acted in the last step, N."""
         return float(self.state.point[layout.F_CAT])
+
+    @property
+    def work(self) -> float:
+        """Work that the contact force did on the wire since cycle 0, J: trapezoids of an integration step each."""
+        return float(self.state.point[layout.WORK])
+
+    @property
+    def impulse(self) -> float:
+        """Integral of the contact force since cycle 0, N s."""
+        return float(self.state.point[layout.IMPULSE])
+
+    @property
+    def local_compliance(self) -> float:
+        """What the mesh lacks in compliance under the contact force, dC in m/N: part of `w_cat`."""
+        return float(self.constants.real[layout.COMPLIANCE])
 
     @property
     def track_position(self) -> float:

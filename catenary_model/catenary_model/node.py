@@ -124,6 +124,7 @@ class CatenaryNode(PhilNode[Parameters]):
         c, state = self.catenary, self._state
         state.cycle = c.cycle
         state.w_cat, state.v_cat, state.a_cat, state.f_cat = c.w_cat, c.v_cat, c.a_cat, c.f_cat
+        state.work, state.impulse = c.work, c.impulse
         state.track_position = c.track_position
         state.droppers, state.slack_droppers = c.droppers, c.slack_droppers
         state.iterations = min(c.iterations, 255)
@@ -174,6 +175,7 @@ class CatenaryNode(PhilNode[Parameters]):
         message.n = reduced.n
         message.ts = config.cycle_time
         message.newmark_beta, message.newmark_gamma = NEWMARK_BETA, NEWMARK_GAMMA
+        message.local_compliance = self.catenary.local_compliance
         message.mass = array("d", reduced.M.tobytes())
         message.damping = array("d", reduced.D.tobytes())
         message.stiffness = array("d", reduced.K.tobytes())

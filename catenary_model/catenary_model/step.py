@@ -23,6 +23,7 @@ from catenary_model.layout import (
     F_CAT,
     GAMMA,
     GIVEN,
+    IMPULSE,
     ITERATIONS,
     LAST_FORCE,
     PERIOD,
@@ -37,6 +38,7 @@ from catenary_model.layout import (
     TS,
     V_CAT,
     W_CAT,
+    WORK,
     ZETA,
     Array,
     Constants,
@@ -170,14 +172,41 @@ def substep(c: Constants, s: State) -> None:
 
 
 @njit(cache=True, fastmath={"contract"})
+def height(c: Constants, s: State, force: float) -> float:
+    """Displacement of the contact point under a contact force (N) at the present instant, m."""
+    samples = c.static.shape[0] - 1
+    at = track_position(c, s) / c.real[PERIOD]
+    at = (at - np.floor(at)) * samples
+    i = min(int(at), samples - 1)
+    static = c.static[i, 0] + (at - i) * (c.static[i + 1, 0] - c.static[i, 0])
+    middle = c.whole[SEGMENT_FIRST] + PAD + c.whole[SEGMENT_STATIONS] // 2
+    return static + s.q[0, 1, 0, middle] + c.real[COMPLIANCE] * force
+
+
+@njit(cache=True, fastmath={"contract"})
+def book(c: Constants, s: State, before: float, force: float, w: float) -> float:
+    """Add one integration step to work and impulse, as trapezoids; return the height of the contact point, m.
+
+    The force (N) went from `before` to `force`, the contact point from `w` (m) to where it is now.
+    """
+    now = height(c, s, force)
+    s.point[WORK] += 0.5 * (before + force) * (now - w)
+    s.point[IMPULSE] += 0.5 * c.real[TS] * (before + force)
+    return now
+
+
+@njit(cache=True, fastmath={"contract"})
 def advance(c: Constants, s: State, f_cat: float) -> None:
     """Step from t_k to t_(k+1); the contact force goes in a straight line to f_cat (N), the one of the new instant."""
     n = c.whole[SUBSTEPS]
     before = s.contact[LAST_FORCE]
     s.counter[ITERATIONS] = 0
+    force, w = before, s.point[W_CAT]
     for j in range(n):
-        s.contact[GIVEN] = before + (f_cat - before) * ((j + 1) / n)
+        old, force = force, before + (f_cat - before) * ((j + 1) / n)
+        s.contact[GIVEN] = force
         substep(c, s)
+        w = book(c, s, old, force, w)
     s.contact[LAST_FORCE] = f_cat
     observe(c, s, f_cat)
 

@@ -108,9 +108,14 @@ def _staged(c: Constants, s: State, force: Array, now: Ints, spent: Ints) -> Non
     for k in range(force.size):
         f_cat, before = force[k], s.contact[layout.LAST_FORCE]
         s.counter[layout.ITERATIONS] = 0
+        given, w = before, s.point[layout.W_CAT]
         for j in range(n):
-            s.contact[layout.GIVEN] = before + (f_cat - before) * ((j + 1) / n)
+            old, given = given, before + (f_cat - before) * ((j + 1) / n)
+            s.contact[layout.GIVEN] = given
             _substep(c, s, now, spent[k])
+            t = _stamp(now)
+            w = step.book(c, s, old, given, w)
+            _lap(now, spent[k], len(PHASES) - 1, t)
         s.contact[layout.LAST_FORCE] = f_cat
         t = _stamp(now)
         step.observe(c, s, f_cat)
@@ -206,7 +211,7 @@ class Shares:
         """Summarise all rounds."""
         clock, config = float(np.median(self._clock)), self.catenary.config
         readings = np.full(len(PHASES), float(config.substeps))
-        readings[-1] = 1.0
+        readings[-1] += 1.0
         phase = np.median(np.concatenate(self._parts), axis=0) - readings * clock
         whole = float(np.median(np.concatenate(self._whole))) - clock
         return Share(config.boundary, np.maximum(phase, 0.0), whole, clock)
