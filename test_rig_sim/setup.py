@@ -15,6 +15,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", [str(path) for path in Path("config").glob("*.yaml")]),
+        (f"share/{NAME}/config/rigs", [str(path) for path in Path("config/rigs").glob("*.yaml")]),
     ],
     install_requires=["setuptools"],
     zip_safe=False,

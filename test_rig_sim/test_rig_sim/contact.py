@@ -12,7 +12,7 @@ class Contact(NamedTuple):
     damping: float  # N s/m
 
 
-@njit(cache=True, fastmath=False)
+@njit(cache=True, fastmath=False, forceinline=True)
 def contact_force(contact: Contact, penetration: float, rate: float) -> float:
     """Contact force in N, never negative: max(0, k d + c d') while d = w_head - w_tr > 0, else 0.
 

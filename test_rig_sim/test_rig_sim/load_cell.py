@@ -1,4 +1,4 @@
-"""The load cell: noise and bias, then a second-order low-pass; and the drive's position encoder."""
+"""The load cell between slider and contact plate, and the drive's position encoder."""
 
 import math
 from typing import NamedTuple
@@ -6,59 +6,72 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from numba import njit
+from scipy.linalg import expm
 
 Array = npt.NDArray[np.float64]
 
 
 class LoadCell(NamedTuple):
-    """Bias and low-pass of the load cell: y = (b0 + b1/z + b2/z^2) / (1 + a1/z + a2/z^2) u."""
+    """What the cell makes of the contact force; its dynamics sampled for an input that goes in straight lines.
 
-    bias: float  # N
-    b0: float
-    b1: float
-    b2: float
-    a1: float
-    a2: float
-
-
-def load_cell(bias: float, cut_off_hz: float, damping: float, rate: float) -> LoadCell:
-    """Return a load cell with the low-pass w^2/(s^2 + 2 zeta w s + w^2), bilinear, exact at its cut-off.
-
-    bias in N, cut_off_hz in Hz, rate (samples a second) in Hz. The low-pass delays slow signals by
-    2 zeta / w: `group_delay`. f_tr drives the catenary, so this delay takes part in the exchange of energy.
-    Raises ValueError if the cut-off is not below half the rate.
+    x(+) = transition x + before u + after u(+), x = (force shown in N, its rate in N/s).
     """
-    if not 0.0 < cut_off_hz < 0.5 * rate:
-        raise ValueError(f"load cell cut-off {cut_off_hz} Hz must lie between 0 and {0.5 * rate} Hz")
-    c = 1.0 / math.tan(math.pi * cut_off_hz / rate)
-    a0 = c * c + 2.0 * damping * c + 1.0
-    return LoadCell(
-        bias, 1.0 / a0, 2.0 / a0, 1.0 / a0, 2.0 * (1.0 - c * c) / a0, (c * c - 2.0 * damping * c + 1.0) / a0
-    )
+
+    plate_mass: float  # kg, share of the mass between cell and contact that is not compensated
+    bias: float  # N
+    transition: Array  # (2, 2)
+    before: Array  # (2,)
+    after: Array  # (2,)
 
 
-def group_delay(cut_off_hz: float, damping: float) -> float:
-    """Return the delay in s of a slow force signal through the low-pass, 2 zeta / w."""
-    return 2.0 * damping / (2.0 * math.pi * cut_off_hz)
+def load_cell(plate_mass: float, bias: float, bandwidth_hz: float, damping: float, step: float) -> LoadCell:
+    """Return a load cell with the dynamics w^2/(s^2 + 2 zeta w s + w^2), sampled exactly every step (s).
+
+    plate_mass in kg, bias in N, bandwidth_hz in Hz; a bandwidth of 0 is a cell that shows its input at once.
+    """
+    if bandwidth_hz <= 0.0:
+        return LoadCell(plate_mass, bias, np.zeros((2, 2)), np.zeros(2), np.array([1.0, 0.0]))
+    omega = 2.0 * math.pi * bandwidth_hz
+    # State (y, y'/omega) for numbers of one size, then input and its slope.
+    generator = np.zeros((4, 4))
+    generator[0, 1] = omega
+    generator[1, :3] = -omega, -2.0 * damping * omega, omega
+    generator[2, 3] = 1.0 / step
+    sampled = expm(generator * step)
+    scale = np.array([1.0, omega])
+    transition = scale[:, None] * sampled[:2, :2] / scale
+    held, ramp = scale * sampled[:2, 2], scale * sampled[:2, 3]
+    return LoadCell(plate_mass, bias, np.ascontiguousarray(transition), held - ramp, ramp)
 
 
-@njit(cache=True, fastmath=False)
-def filter_step(cell: LoadCell, memory: Array, u: float) -> float:
-    """Return the low-pass's answer in N to the next sample u (N); memory (2,) is its state, changed in place."""
-    y = cell.b0 * u + memory[0]
-    memory[0] = cell.b1 * u - cell.a1 * y + memory[1]
-    memory[1] = cell.b2 * u - cell.a2 * y
+def lag(bandwidth_hz: float, damping: float) -> float:
+    """Return by how much the cell shows a slow force too late, 2 zeta / w in s; 0 for a bandwidth of 0."""
+    return damping / (math.pi * bandwidth_hz) if bandwidth_hz > 0.0 else 0.0
+
+
+@njit(cache=True, fastmath=False, forceinline=True)
+def sense(cell: LoadCell, memory: Array, before: float, after: float) -> float:
+    """Return what the cell shows (N) after a step in which its input went from before to after (N).
+
+    memory (2,) is the cell's state, changed in place.
+    """
+    a, b, c = cell.transition, cell.before, cell.after
+    y = a[0, 0] * memory[0] + a[0, 1] * memory[1] + b[0] * before + c[0] * after
+    memory[1] = a[1, 0] * memory[0] + a[1, 1] * memory[1] + b[1] * before + c[1] * after
+    memory[0] = y
     return y
 
 
-@njit(cache=True, fastmath=False)
-def settle(cell: LoadCell, memory: Array, u: float) -> None:
-    """Set the low-pass's memory (2,) to the steady state of a constant input u (N)."""
-    memory[1] = (cell.b2 - cell.a2) * u
-    memory[0] = (cell.b1 - cell.a1) * u + memory[1]
+@njit(cache=True, fastmath=False, forceinline=True)
+def cell_input(cell: LoadCell, contact: float, acceleration: float) -> float:
+    """Return the force in the cell in N, weight tared: the contact force less what moves the plate.
+
+    contact in N, acceleration (m/s^2) is the plate's absolute one.
+    """
+    return contact - cell.plate_mass * acceleration
 
 
-@njit(cache=True, fastmath=False)
+@njit(cache=True, fastmath=False, forceinline=True)
 def encode(position: float, resolution: float) -> float:
     """Return the position (m) as an encoder of that resolution (m) gives it; resolution 0: as it is."""
     if resolution <= 0.0:

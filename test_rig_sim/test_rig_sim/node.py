@@ -11,17 +11,17 @@ from std_srvs.srv import Trigger
 
 from phil_node.base import ERROR, WARN, Diagnosis, PhilNode, run
 from phil_node.qos import CYCLE, VIEW
+from test_rig_sim.operation import rules, supervisor_for
+from test_rig_sim.pacing import CycleClock
 from test_rig_sim.parameters import Parameters
-from test_rig_sim.retract import Retract
 from test_rig_sim.rig import Rig
-from test_rig_sim.supervisor import Limits, Mode, Ramp, Supervisor
+from test_rig_sim.supervisor import FOLLOWING, Mode, Ramp
 
 REPEAT_AFTER = 0.25  # s without an answer after which the last state is published again
 LISTENERS_STABLE = 0.5  # s for which the listeners have to be there before cycle 0
 LISTENERS_UNMATCHED = 5.0  # s for which one that cannot be matched is waited for
 MEMORY = 64  # cycles back for which the time of publication is kept
 PATIENCE = 0.9  # share of a cycle that a command has at least, from the publication of its state
-EARLY = 0.05  # share of a cycle by which a tick may come early (rounding of the timer)
 
 # What the cycle stands at.
 WAITING, ASKING, TICKING, ENDED = "waiting for listeners", "waiting for a command", "ticking", "ended"
@@ -37,6 +37,7 @@ class RigNode(PhilNode[Parameters]):
 
     def __init__(self) -> None:
         super().__init__("test_rig_sim", Parameters)
+        self._tripped = ""  # why an earlier ride ended in a retract; only a reset forgives it
 
     # Lifecycle -------------------------------------------------------------------------------------------------
 
@@ -46,6 +47,7 @@ class RigNode(PhilNode[Parameters]):
         self._period = p.cycle_time
         self._last_cycle = max(1, round(p.duration / p.cycle_time)) - 1 if p.duration > 0.0 else -1
         self._rig = Rig(p)
+        self._rules = rules(p, self._rig.plant.loop)
         self._rig.advance(0.0, 0.0)
         self._message = RigState()
         self._message.header.frame_id = "rig"
@@ -60,19 +62,23 @@ class RigNode(PhilNode[Parameters]):
         self.time_cycles(p.cycle_time, count_overruns=False)
         self.listen(ImpedanceCommand, "impedance_mpc/command", CYCLE, self._take_command)
         self.serve(Trigger, "test_rig_sim/emergency_stop", self._serve_emergency_stop)
+        self.serve(Trigger, "test_rig_sim/land", self._serve_land)
         self.every(0.02, self._look_around)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._tick = self.create_timer(p.cycle_time, self._on_tick, clock=self._steady, autostart=False)
         self._restart()
 
     def start(self) -> None:
-        """Wait for the listeners, then begin with cycle 0."""
+        """Wait for the listeners, then begin with cycle 0; a rig that tripped wants to be reset before."""
+        if self._tripped:
+            raise RuntimeError(f"the last ride ended in a retract ({self._tripped}): call test_rig_sim/reset first")
         self._restart()
 
     def stop(self) -> None:
         """Rest; nothing moves until the next activation, which begins with cycle 0."""
         self._tick.cancel()
         self._phase = ENDED
+        self._report()
 
     def discard(self) -> None:
         """Destroy the tick."""
@@ -81,16 +87,24 @@ class RigNode(PhilNode[Parameters]):
 
     def reset(self) -> None:
         """Begin anew with cycle 0: books, noise, refusals and a tripped supervisor."""
+        self._tripped = ""
         self._restart()
+
+    def changed(self, names: frozenset[str]) -> None:
+        """Switch the operating mode, or change the pantograph's pressure: the next cycle begins with it."""
+        if "operating_mode" in names:
+            self._supervisor.select(self.parameters.operating_mode)
+        if "uplift_force" in names:
+            self._rig.set_uplift_force(self.parameters.uplift_force)
 
     def _restart(self) -> None:
         p = self.parameters
         self._tick.cancel()
         self._rig.reset()
-        limits = p.limits.model_dump()
-        self._supervisor = Supervisor(
-            Limits(late_limit=p.late_limit, **limits), Retract(**p.retract.model_dump()), p.cycle_time
-        )
+        self._supervisor = supervisor_for(p, self._rules, self._rig.state.reference)
+        self._pacing = CycleClock(p.cycle_time)
+        self._lands_at = self._last_cycle if p.land_at_end else -1
+        self._reported = Mode.HOLD
         self._cycle = 0
         self._phase = WAITING
         self._command: tuple[float, float] | None = None
@@ -98,9 +112,6 @@ class RigNode(PhilNode[Parameters]):
         self._shown_mode = Mode.HOLD
         self._resting = False
         self._late_ticks = 0
-        self._skipped_ticks = 0
-        self._origin = 0.0
-        self._wall_origin = 0
         self._newest = -1
         self._published_at = [0.0] * MEMORY
         self._asked_at = 0.0
@@ -136,7 +147,7 @@ class RigNode(PhilNode[Parameters]):
             self._end()
         elif self._phase == ASKING and self.parameters.mode == "realtime":
             self._start_ticking()
-        elif self._phase == ASKING or self._due(time.monotonic()) > 0:
+        elif self._phase == ASKING or self._pacing.due(self._cycle, time.monotonic()) > 0:
             self._advance()
 
     def _advance(self) -> None:
@@ -145,16 +156,27 @@ class RigNode(PhilNode[Parameters]):
         if self._command is not None:
             ramp: Ramp = supervisor.follow(*self._command)
         else:
-            if not self._answered and supervisor.moving:
+            if not self._answered and supervisor.needs_commands:
                 self.timing.late += 1
             ramp = supervisor.bridge(refused=self._answered)
         rig = self._rig
+        if supervisor.mode is not self._shown_mode:
+            self._lift_pantograph(self._shown_mode, supervisor.mode)
         rig.advance(ramp.start, ramp.end)
         self._shown_mode = supervisor.mode
         state = rig.state
-        supervisor.watch(state.w_tr, state.v_tr, state.f_tr, state.saturated == rig.plant.inner_steps)
+        supervisor.watch(state.w_tr, state.v_tr, state.f_tr, state.current, state.saturated == rig.plant.inner_steps)
         self._cycle += 1
+        if self._cycle == self._lands_at:
+            supervisor.land()
         self._publish()
+
+    def _lift_pantograph(self, before: Mode, now: Mode) -> None:
+        """Do to the simulated pantograph what an operator does with its pressure: up after the touch, down to part."""
+        if before is Mode.APPROACHING and now is Mode.TRACKING:
+            self._rig.lift_pantograph()
+        elif now in (Mode.LANDING, Mode.RETRACTING):
+            self._rig.lower_pantograph()
 
     def _publish(self) -> None:
         """Publish state k; it is the last one at the end of the ride and when the rig came to rest before it."""
@@ -163,7 +185,7 @@ class RigNode(PhilNode[Parameters]):
         message.cycle = cycle
         message.mode = int(self._shown_mode)
         self._resting = self._shown_mode is Mode.STOPPED
-        message.last = cycle == self._last_cycle or self._resting
+        message.last = (cycle == self._last_cycle and self._lands_at < 0) or self._resting
         message.w_tr, message.v_tr = state.w_tr, state.v_tr
         message.f_tr, message.f_raw = state.f_tr, state.f_raw
         message.reference, message.current = state.reference, state.current
@@ -182,7 +204,7 @@ class RigNode(PhilNode[Parameters]):
         """Lockstep: k Ts, the same in every run. Realtime: wall clock, k Ts after its start."""
         now = round(cycle * self._period * 1e9)
         if self.parameters.mode == "realtime":
-            now = self.get_clock().now().nanoseconds if cycle == 0 else now + self._wall_origin
+            now = self.get_clock().now().nanoseconds if cycle == 0 else self._pacing.stamp(cycle)
         stamp = self._message.header.stamp
         stamp.sec, stamp.nanosec = divmod(now, 1_000_000_000)
 
@@ -202,20 +224,16 @@ class RigNode(PhilNode[Parameters]):
         self._tick.cancel()
         self._supervisor.finish()
         self._phase = ENDED
+        self._report()
         self.timing.flush(self._message.header, self._cycle)
 
     # The clock -------------------------------------------------------------------------------------------------
 
     def _start_ticking(self) -> None:
         """Start the wall clock at the present cycle: its interval ends one period from now."""
-        self._origin = time.monotonic() - self._cycle * self._period
-        self._wall_origin = self.get_clock().now().nanoseconds - round(self._cycle * self._period * 1e9)
+        self._pacing.start(self._cycle, time.monotonic(), self.get_clock().now().nanoseconds)
         self._phase = TICKING
         self._tick.reset()
-
-    def _due(self, now: float) -> int:
-        """Number of cycles by which the rig is behind its clock; the origin is fixed, so ticks do not drift."""
-        return int((now - self._origin) / self._period + EARLY) - self._cycle
 
     def _on_tick(self) -> None:
         """End the interval that is due, with its command or, if it had its time to come, without.
@@ -226,15 +244,11 @@ class RigNode(PhilNode[Parameters]):
         if not self.active or self._phase != TICKING:
             return
         now = time.monotonic()
-        excess = self._due(now) - self.parameters.catch_up
-        if excess > 0:
-            # The node was held up for long: these ticks are given up, the clock of the ride stands still meanwhile.
-            self._skipped_ticks += excess
-            self._origin += excess * self._period
-            self._wall_origin += round(excess * self._period * 1e9)
-        while self._phase == TICKING and self._due(now) > 0:
+        # The node was held up for long: what is beyond `catch_up` is given up.
+        self._pacing.give_up(self._pacing.due(self._cycle, now) - self.parameters.catch_up)
+        while self._phase == TICKING and self._pacing.due(self._cycle, now) > 0:
             waited = now - self._published_at[self._cycle % MEMORY]
-            if not self._answered and self._supervisor.moving and waited < PATIENCE * self._period:
+            if not self._answered and self._supervisor.needs_commands and waited < PATIENCE * self._period:
                 self._late_ticks += 1
                 break
             self._advance()
@@ -242,6 +256,7 @@ class RigNode(PhilNode[Parameters]):
     def _look_around(self) -> None:
         """Begin when the listeners are there; publish again, or move on alone, when nobody answers."""
         now = time.monotonic()
+        self._report()
         if self._phase == WAITING:
             # A listener that the graph knows but that is not matched yet would miss cycle 0. One that never matches
             # (its QoS asks for more than is offered) does not hold up the ride for ever.
@@ -255,16 +270,51 @@ class RigNode(PhilNode[Parameters]):
         elif self._phase == ASKING and now - self._asked_at >= REPEAT_AFTER:
             if self._resting:
                 self._end()
-            elif self._supervisor.mode is Mode.RETRACTING:
+            elif self._moves_alone():
                 self._start_ticking()
             else:
                 self._asked_at = now
                 self._state_out.publish(self._message)
 
+    def _moves_alone(self) -> bool:
+        """Whether the cycle goes on though nobody answers: to get the drive to rest, or because nobody has to."""
+        supervisor = self._supervisor
+        if supervisor.mode in (Mode.RETRACTING, Mode.LANDING):
+            return True
+        return self.parameters.mode == "realtime" and not supervisor.needs_commands
+
     def _known_listeners(self) -> int:
         return int(self.count_subscribers(self._state_out.topic_name))
 
     # Operator --------------------------------------------------------------------------------------------------
+
+    def _report(self) -> None:
+        """Log what the drive began to do since the last look, and remember a trip; never called within a cycle."""
+        supervisor = self._supervisor
+        self._tripped = self._tripped or supervisor.reason
+        mode, before = supervisor.mode, self._reported
+        if mode is before or (mode in FOLLOWING and before in FOLLOWING):
+            return
+        self._reported = mode
+        log = self.get_logger()
+        if mode is Mode.RETRACTING or (mode is Mode.STOPPED and supervisor.reason and before is not Mode.RETRACTING):
+            log.error(f"the drive retracts at cycle {self._cycle}: {supervisor.reason}")
+        elif mode is Mode.STOPPED:
+            log.info(f"the drive rests: {supervisor.reason or ('landed' if supervisor.landed else 'end of the ride')}")
+        else:
+            log.info(f"the drive is {'tracking' if mode in FOLLOWING else mode.name.lower()} at cycle {self._cycle}")
+
+    def _serve_land(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = False
+        if not self.active:
+            response.message = "test_rig_sim is not active: the drive does not move"
+        elif self._phase in (WAITING, ENDED):
+            response.message = f"nothing to land: the ride is {self._phase}"
+        elif not self._supervisor.land():
+            response.message = f"the drive does not land: {self._supervisor.reason or 'it rests'}"
+        else:
+            response.success, response.message = True, "drive parts from the pantograph and rests there"
+        return response
 
     def _serve_emergency_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.active:
@@ -287,17 +337,26 @@ class RigNode(PhilNode[Parameters]):
         found = Diagnosis(message=f"{mode}, {self._phase}")
         if supervisor.reason:
             found.level, found.message = ERROR, f"{mode}: {supervisor.reason}"
-        elif self.timing.late or self.timing.refused or self._skipped_ticks:
+        elif supervisor.landed:
+            found.message = "stopped: landed"
+        elif self.timing.late or self.timing.refused or self._pacing.skipped or supervisor.limited:
             found.level = WARN
-            counts = f"{self.timing.late} commands late, {self.timing.refused} refused"
-            found.message = f"{found.message}: {counts}, {self._skipped_ticks} ticks skipped"
+            counts = f"{self.timing.late} commands late, {self.timing.refused} refused, {supervisor.limited} cut"
+            found.message = f"{found.message}: {counts}, {self._pacing.skipped} ticks skipped"
+        if warning := supervisor.guard.warning():
+            found.level = max(found.level, WARN)
+            found.message = f"{found.message}; {warning}"
         found.values = {
             "mode": mode,
+            "operating mode": self.parameters.operating_mode,
+            "in contact": "yes" if supervisor.touching else "no",
             "reason": supervisor.reason,
             "cycle": str(self._cycle),
             "listeners": "{} matched of {}".format(*self._listeners),
             "late ticks": str(self._late_ticks),
-            "skipped ticks": str(self._skipped_ticks),
+            "skipped ticks": str(self._pacing.skipped),
+            "commands cut": str(supervisor.limited),
+            "effective current A": f"{supervisor.guard.effective_current:.2f}",
             "contact force N": f"{self._message.f_tr:.1f}",
         }
         return found

@@ -1,7 +1,13 @@
-"""The motion to the safe position: a reference of limited speed and acceleration."""
+"""The motion to the safe position: brake first, then away from the pantograph, with limited speed and acceleration."""
 
-import math
 from typing import NamedTuple
+
+from test_rig_sim.motion import Pace, at_rest, creep, towards
+
+NEAR, SLOW = 5e-3, 0.05
+"""m and m/s, within which a drive counts as resting at the safe position."""
+SETTLING = 1.0
+"""s, that it may take for it once its reference is there."""
 
 
 class Retract(NamedTuple):
@@ -10,22 +16,25 @@ class Retract(NamedTuple):
     position: float  # m
     speed: float  # m/s
     acceleration: float  # m/s^2
+    braking: float  # m/s^2, deceleration from whatever speed the drive had
 
 
-def retract_step(limits: Retract, reference: float, speed: float, period: float) -> tuple[float, float]:
-    """Return the next reference (m) and its speed (m/s) one period (s) on: brakes in time to stop at the goal.
-
-    The speed wanted is the one from which half of the allowed acceleration still stops at the goal (the other half
-    is the reserve against sampling), at most the allowed speed, and none that would overshoot within the period.
-    """
-    distance = limits.position - reference
-    wanted = min(limits.speed, math.sqrt(limits.acceleration * abs(distance)), abs(distance) / period)
-    wanted = math.copysign(wanted, distance)
-    change = limits.acceleration * period
-    speed += min(max(wanted - speed, -change), change)
+def brake_step(limits: Retract, reference: float, speed: float, period: float) -> tuple[float, float]:
+    """Return the next reference (m) and its speed (m/s) on the way to a standstill."""
+    speed = creep(0.0, limits.braking, speed, period)
     return reference + speed * period, speed
 
 
+def retract_step(limits: Retract, reference: float, speed: float, period: float) -> tuple[float, float]:
+    """Return the next reference (m) and its speed (m/s) on the way to the safe position; brakes in time to stop."""
+    return towards(limits.position, Pace(limits.speed, limits.acceleration), reference, speed, period)
+
+
 def arrived(limits: Retract, reference: float, speed: float) -> bool:
-    """Tell whether the reference rests at the safe position, within 0.1 mm and 1 mm/s."""
-    return abs(reference - limits.position) < 1e-4 and abs(speed) < 1e-3
+    """Tell whether the reference rests at the safe position."""
+    return at_rest(limits.position, reference, speed)
+
+
+def obeys(limits: Retract, w: float, v: float) -> bool:
+    """Tell whether the drive (m, m/s) is at the safe position and rests; one whose state is not finite does not."""
+    return abs(w - limits.position) < NEAR and abs(v) < SLOW

@@ -1,35 +1,42 @@
 """The simulated rig as one object: reset it, advance it cycle by cycle, read its state."""
 
-import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from test_rig_sim import inner_loop, step
-from test_rig_sim.contact import Contact
-from test_rig_sim.drive import Drive
-from test_rig_sim.load_cell import load_cell, settle
-from test_rig_sim.pantographs import PANTOGRAPHS
-from test_rig_sim.pantographs.chain import operating_point, static_displacement
+from test_rig_sim import assembly, step
+from test_rig_sim.load_cell import encode
+from test_rig_sim.loads import Loads
+from test_rig_sim.mounting import mount
+from test_rig_sim.pantographs.motion import bodies, body_motion, head_position, states
+from test_rig_sim.pantographs.statics import equilibrium, set_up
 from test_rig_sim.parameters import Parameters
 
 Array = npt.NDArray[np.float64]
+
+FAR_ABOVE = 1.0
+"""m, a drive that stands there touches no pantograph without lift."""
 
 
 class RigSample(NamedTuple):
     """What the rig shows at t_k (the quantities of the message RigState), and what only a simulation knows."""
 
-    w_tr: float  # m, encoder
+    w_tr: float  # m, encoder: slider against stator
     v_tr: float  # m/s, observer
-    f_tr: float  # N, load cell, low-passed
+    f_tr: float  # N, observer of the contact force
     f_raw: float  # N, load cell
-    reference: float  # m
-    current: float  # A
-    work: float  # J, integral of f_raw v_tr
-    impulse: float  # N s, integral of f_raw
+    reference: float  # m, end of the last ramp that was accepted; it is reached `command_delay` cycles later
+    current: float  # A, the one that acts
+    work: float  # J, integral of f_tr v_tr
+    impulse: float  # N s, integral of f_tr
     f_contact: float  # N, true contact force
-    saturated: int  # 1, inner steps of the last cycle with the current at its limit
+    saturated: int  # 1, inner steps of the last cycle with the demand at the current limit
+    w_true: float  # m, absolute position of the contact point
+    v_true: float  # m/s, its velocity
+    true_work: float  # J, integral of true contact force times true velocity
+    true_impulse: float  # N s, integral of the true contact force
 
 
 class Rig:
@@ -43,66 +50,90 @@ class Rig:
     def __init__(self, parameters: Parameters, contact: bool = True) -> None:
         p = parameters
         self.cycle_time = p.cycle_time
-        period = p.cycle_time / p.inner_steps
-        drive = Drive(**p.drive.model_dump())
-        loop = inner_loop.design(
-            drive,
-            inner_loop.Weights(**p.inner_loop.model_dump()),
-            inner_loop.Noise(**p.observer.model_dump()),
-            period,
-        )
-        cell = load_cell(p.load_cell.bias, p.load_cell.cut_off_hz, p.load_cell.damping, 1.0 / period)
-        pantograph = PANTOGRAPHS[p.pantograph]()
-        stiffness = p.contact.stiffness if contact else 0.0
-        damping = p.contact.damping if contact else 0.0
+        self._bare = mount(p)
+        self._contact_stiffness = p.contact.stiffness
+        pantograph = set_up(self._bare, p.uplift_force, p.contact.stiffness)
+        loop = assembly.loop_of(p)
+        structure = assembly.structure_of(p, loop.weight_force)
         self.plant = step.Plant(
-            drive=drive,
+            drive=assembly.drive_of(p),
+            structure=structure,
             pantograph=pantograph,
-            contact=Contact(stiffness, damping),
-            cell=cell,
+            contact=assembly.contact_of(p, contact),
+            cell=assembly.cell_of(p),
+            force=assembly.force_observer_of(p),
             loop=loop,
-            encoder_resolution=p.encoder_resolution,
-            inner_period=period,
+            encoder_resolution=assembly.resolution_of(p),
+            inner_period=assembly.period_of(p),
             inner_steps=p.inner_steps,
             substeps=p.substeps,
         )
-        self.bodies = pantograph.mass.size
-        self._uplift_force = p.uplift_force
-        self._initial_share = p.initial_force_share
-        self._run_in = p.run_in
-        self._preload = operating_point(pantograph, p.uplift_force, p.contact.stiffness).preload
-        self._start = static_displacement(pantograph, self._lift(0.0), p.contact.stiffness, 0.0)
-        self._start_force = stiffness * max(0.0, float(self._start[-1]))
-        self._noise_sigma = p.load_cell.noise
+        self.bodies = bodies(pantograph)
+        self._loads = Loads(p, pantograph.frame.air)
+        self._noise_sigma = assembly.noise_of(p)
         self._seed = p.seed
+        self._gap = p.touch.gap if p.start == "apart" else None
+        self._lowest, self._highest = p.touch.lowest, p.touch.highest
         self._noise = np.zeros(p.inner_steps)
-        self.memory = step.memory_for(self.bodies)
+        self._delay = p.command_delay
+        self._waiting: deque[tuple[float, float]] = deque()
+        self._body = 2 + 2 * structure.modes  # where the pantograph begins in the state
+        filters, delay = loop.filter_input.size // 2, assembly.amplifier_of(p).delay
+        self.memory = step.memory_for(states(pantograph), structure.modes, filters, delay)
         self.reset()
 
     def reset(self) -> None:
-        """Go back to cycle 0: drive at rest at w_tr = 0, static contact, empty books, noise from the seed anew."""
+        """Go back to cycle 0: everything at rest, empty books, noise from the seed anew.
+
+        The drive is in static contact at w_tr = 0, or (`start: apart`) it stands by the gap above a pantograph without
+        lift. Raises ValueError if that one does not stand within reach of the drive.
+        """
         self.cycle = 0
         self._random = np.random.default_rng(self._seed)
-        state, estimate, _, signals, _ = self.memory
-        for array in self.memory:
+        memory = self.memory
+        for array in memory:
             array.fill(0.0)
-        state[2 : 2 + self.bodies] = self._start
-        force = self._start_force + self.plant.cell.bias
-        settle(self.plant.cell, self.memory.filter, force)
-        estimate[2] = -self.plant.cell.bias
-        signals[step.F_CONTACT] = self._start_force
-        signals[step.F_RAW] = signals[step.F_TR] = force
-        loop = self.plant.loop
-        signals[step.CURRENT] = (loop.weight_force - self._start_force) / loop.force_constant
+        state, estimate, signals = memory.state, memory.estimate, memory.signals
+        self._load = self._loads.reset(lowered=self._gap is not None)
+        pantograph = set_up(self._bare, self._loads.uplift_force, self._contact_stiffness)
+        height = 0.0
+        if self._gap is not None:
+            state[self._body :] = equilibrium(pantograph, self._load.lift, self._contact_stiffness, FAR_ABOVE)
+            height = head_position(pantograph, state[self._body :]) + self._gap
+            if not self._lowest < height < self._highest:
+                raise ValueError(f"start = apart: the head of the pantograph without lift stands {height:.3g} m high")
+            state[0] = estimate[0] = height
+            signals[step.W] = signals[step.REFERENCE] = encode(height, self.plant.encoder_resolution)
+        state[self._body :] = equilibrium(pantograph, self._load.lift, self._contact_stiffness, height)
+        pressed = self.plant.contact.stiffness * max(0.0, head_position(pantograph, state[self._body :]) - height)
+        loop, bias = self.plant.loop, self.plant.cell.bias
+        held = loop.weight_force - pressed
+        structure = self.plant.structure._replace(rest_force=held)
+        self.plant = self.plant._replace(pantograph=pantograph, structure=structure)
+        self._waiting = deque([(height, height)] * self._delay)
+        memory.queue[:] = held / loop.force_constant
+        # The notches have let this feedforward pass for long; the feedback's filters have seen nothing.
+        memory.filters[loop.filter_input.size :: 2] = held / loop.force_constant
+        memory.cell[0] = pressed
+        memory.force[0] = pressed + bias
+        estimate[2] = -bias
+        signals[step.F_CONTACT] = pressed
+        signals[step.F_RAW] = signals[step.F_TR] = pressed + bias
+        signals[step.CURRENT] = held / loop.force_constant
+        signals[step.W_TRUE] = height
 
     def advance(self, u_start: float, u_end: float) -> None:
-        """Run one cycle with the reference going linearly from u_start to u_end (m)."""
+        """Run one cycle with the reference going linearly from u_start to u_end (m), `command_delay` cycles later."""
+        accepted = u_end
+        if self._delay:
+            self._waiting.append((u_start, u_end))
+            u_start, u_end = self._waiting.popleft()
         self._random.standard_normal(out=self._noise)
         self._noise *= self._noise_sigma
-        start = self._lift(self.cycle * self.cycle_time)
         self.cycle += 1
-        end = self._lift(self.cycle * self.cycle_time)
-        step.advance(self.plant, self.memory, self._noise, u_start, u_end, start, end)
+        start, self._load = self._load, self._loads.next()
+        step.advance(self.plant, self.memory, self._noise, u_start, u_end, start, self._load)
+        self.memory.signals[step.REFERENCE] = accepted
 
     @property
     def state(self) -> RigSample:
@@ -119,16 +150,24 @@ class Rig:
             impulse=s[step.IMPULSE],
             f_contact=s[step.F_CONTACT],
             saturated=int(s[step.SATURATED]),
+            w_true=s[step.W_TRUE],
+            v_true=s[step.V_TRUE],
+            true_work=s[step.TRUE_WORK],
+            true_impulse=s[step.TRUE_IMPULSE],
         )
 
     def pantograph_state(self) -> tuple[Array, Array]:
         """Return displacement (n,) in m and velocity (n,) in m/s of the pantograph's bodies, frame first."""
-        n = self.bodies
-        return self.memory.state[2 : 2 + n].copy(), self.memory.state[2 + n :].copy()
+        return body_motion(self.plant.pantograph, self.memory.state[self._body :])
 
-    def _lift(self, t: float) -> float:
-        """Force on the frame in N: uplift force, ramped by a half cosine over the run-in, and preload."""
-        share = 1.0
-        if t < self._run_in:
-            share -= (1.0 - self._initial_share) * 0.5 * (1.0 + math.cos(math.pi * t / self._run_in))
-        return share * self._uplift_force + self._preload
+    def lift_pantograph(self) -> None:
+        """Let the whole lift of the pantograph come up within the run-in."""
+        self._loads.lift_pantograph()
+
+    def lower_pantograph(self) -> None:
+        """Let the whole lift of the pantograph go within the run-in."""
+        self._loads.lower_pantograph()
+
+    def set_uplift_force(self, force: float) -> None:
+        """Let the actuator go to another uplift force (N), in 0.2 s from the present cycle on; a reset keeps it."""
+        self._loads.change_uplift_force(force)

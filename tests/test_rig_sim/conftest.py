@@ -1,5 +1,6 @@
 """Parameters of the simulated rig as they stand in the source tree, with changes."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,9 @@ from typing import Any
 import pytest
 
 from phil_node.parameters import build, read_file
-from test_rig_sim.parameters import Parameters
+from test_rig_sim.parameters import Imperfections, Parameters
+
+sys.path.insert(0, str(Path(__file__).parent))  # for rig_rules
 
 DEFAULTS = Path(__file__).parents[2] / "test_rig_sim" / "config" / "test_rig_sim.yaml"
 
@@ -26,11 +29,18 @@ def rig_parameters() -> Make:
 
 
 @pytest.fixture(scope="session")
-def frictionless() -> dict[str, Any]:
-    """Changes that leave of the drive what the inner loop is designed for: the linear part of (3.42)."""
-    return {
-        "drive.coulomb_friction": 0.0,
-        "drive.cogging_amplitude": 0.0,
-        "encoder_resolution": 0.0,
-        "load_cell.noise": 0.0,
-    }
+def perfect() -> dict[str, Any]:
+    """Changes that leave of the rig what the inner loop is designed for: the linear part of (3.42)."""
+    names = (name for name in Imperfections.model_fields if name != "current_limit")
+    return {"inner_loop.frequency_weighting": False, **{f"imperfections.{name}": False for name in names}}
+
+
+@pytest.fixture(scope="session")
+def rig_named() -> Make:
+    """Return a maker: one of the rigs that come with the package, changed by a mapping of dotted names."""
+
+    def make(name: str, changes: dict[str, Any] | None = None) -> Parameters:
+        of_rig = read_file(DEFAULTS.parent / "rigs" / f"{name}.yaml")["test_rig_sim"]
+        return build(Parameters, {**read_file(DEFAULTS)["test_rig_sim"], **of_rig, **(changes or {})})
+
+    return make

@@ -5,25 +5,10 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rig_rules import LIMITS, RETRACT, TS, fresh
 
-from test_rig_sim.retract import Retract, arrived, retract_step
-from test_rig_sim.supervisor import Limits, Mode, Ramp, Supervisor
-
-LIMITS = Limits(
-    late_limit=5,
-    position=0.3,
-    reference_step=0.05,
-    trip_position=0.35,
-    trip_speed=4.0,
-    trip_force=1000.0,
-    trip_saturation=10,
-)
-RETRACT = Retract(position=0.0, speed=0.25, acceleration=5.0)
-TS = 0.002
-
-
-def fresh() -> Supervisor:
-    return Supervisor(LIMITS, RETRACT, TS)
+from test_rig_sim.retract import arrived, retract_step
+from test_rig_sim.supervisor import Mode, Ramp
 
 
 def test_holds_until_the_first_command() -> None:
@@ -31,13 +16,13 @@ def test_holds_until_the_first_command() -> None:
 
 
 def test_command_in_time_is_followed() -> None:
-    rig = fresh()
+    rig = fresh(reference=0.01, entry_cycles=0)
     assert rig.follow(0.01, 0.012) == Ramp(0.01, 0.012)
     assert rig.mode is Mode.TRACKING
 
 
 def test_late_command_is_bridged_then_held_then_retracted() -> None:
-    rig = fresh()
+    rig = fresh(reference=0.01, entry_cycles=0)
     rig.follow(0.01, 0.012)
     modes = []
     for _ in range(5):
@@ -61,7 +46,7 @@ def test_reason_of_a_retract_tells_late_commands_from_refused_ones() -> None:
 
 
 def test_prediction_of_a_late_command_is_the_goal_of_the_next_bridge() -> None:
-    rig = fresh()
+    rig = fresh(reference=0.01, entry_cycles=0)
     rig.follow(0.01, 0.012)
     rig.bridge()
     rig.predict(0.016)
@@ -82,7 +67,7 @@ def test_command_ends_a_bridge_and_the_count_of_late_ones() -> None:
 
 
 def test_retract_ends_stopped_at_the_safe_position_and_does_not_rearm() -> None:
-    rig = fresh()
+    rig = fresh(reference=0.1, entry_cycles=0)
     rig.follow(0.1, 0.1)
     rig.retract("emergency stop")
     end = 0.1
@@ -90,6 +75,7 @@ def test_retract_ends_stopped_at_the_safe_position_and_does_not_rearm() -> None:
         ramp = rig.follow(0.2, 0.2)
         assert ramp.start == end
         end = ramp.end
+        rig.watch(end, 0.0, 100.0, 0.0, False)
     assert rig.mode is Mode.STOPPED
     assert end == RETRACT.position
     assert rig.reason == "emergency stop"
@@ -98,20 +84,23 @@ def test_retract_ends_stopped_at_the_safe_position_and_does_not_rearm() -> None:
 def test_first_reason_stays() -> None:
     rig = fresh()
     rig.retract("emergency stop")
-    rig.watch(1.0, 0.0, 0.0, False)
+    rig.watch(1.0, 0.0, 0.0, 0.0, False)
     assert rig.reason == "emergency stop"
 
 
 @pytest.mark.parametrize(
     ("state", "word"),
     [
-        ((0.36, 0.0, 100.0, False), "trip_position"),
-        ((0.0, -4.1, 100.0, False), "trip_speed"),
-        ((0.0, 0.0, 1001.0, False), "trip_force"),
-        ((math.nan, 0.0, 100.0, False), "finite"),
+        ((0.36, 0.0, 100.0, 0.0, False), "trip_position"),
+        ((0.0, -4.1, 100.0, 0.0, False), "trip_speed"),
+        ((0.0, 0.0, 1001.0, 0.0, False), "trip_force"),
+        ((math.nan, 0.0, 100.0, 0.0, False), "finite"),
+        ((0.0, math.inf, 100.0, 0.0, False), "finite"),
+        ((0.0, 0.0, math.nan, 0.0, False), "finite"),
+        ((0.0, 0.0, 100.0, math.nan, False), "finite"),
     ],
 )
-def test_soft_limits_trip(state: tuple[float, float, float, bool], word: str) -> None:
+def test_soft_limits_trip(state: tuple[float, float, float, float, bool], word: str) -> None:
     rig = fresh()
     rig.follow(0.0, 0.0)
     rig.watch(*state)
@@ -123,18 +112,18 @@ def test_saturation_trips_only_when_it_lasts() -> None:
     rig = fresh()
     rig.follow(0.0, 0.0)
     for _ in range(9):
-        rig.watch(0.0, 0.0, 0.0, True)
-    rig.watch(0.0, 0.0, 0.0, False)
+        rig.watch(0.0, 0.0, 0.0, 0.0, True)
+    rig.watch(0.0, 0.0, 0.0, 0.0, False)
     for _ in range(9):
-        rig.watch(0.0, 0.0, 0.0, True)
+        rig.watch(0.0, 0.0, 0.0, 0.0, True)
     assert rig.mode is Mode.TRACKING
-    rig.watch(0.0, 0.0, 0.0, True)
+    rig.watch(0.0, 0.0, 0.0, 0.0, True)
     assert rig.mode is Mode.RETRACTING
 
 
 @pytest.mark.parametrize(
     ("u_tr", "u_tr_next"),
-    [(math.nan, 0.0), (0.0, math.inf), (0.31, 0.3), (0.0, 0.051), (0.06, 0.06), (-0.06, -0.06)],
+    [(math.nan, 0.0), (0.0, math.inf), (0.36, 0.35), (0.0, 0.051), (0.06, 0.06), (-0.06, -0.06)],
 )
 def test_bad_commands_are_not_admissible(u_tr: float, u_tr_next: float) -> None:
     rig = fresh()
@@ -142,9 +131,17 @@ def test_bad_commands_are_not_admissible(u_tr: float, u_tr_next: float) -> None:
     assert not rig.admissible(u_tr, u_tr_next)
 
 
+def test_a_command_out_of_the_travel_is_refused_at_either_end() -> None:
+    for sign in (1.0, -1.0):
+        rig = fresh(reference=sign * 0.34)
+        assert rig.admissible(sign * 0.34, sign * 0.35)
+        assert not rig.admissible(sign * 0.34, sign * 0.36)
+        assert not rig.admissible(sign * 0.36, sign * 0.34)
+
+
 def test_end_of_the_ride_stops() -> None:
-    rig = fresh()
-    rig.follow(0.0, 0.01)
+    rig = fresh(reference=0.01, entry_cycles=0)
+    rig.follow(0.01, 0.01)
     rig.finish()
     assert rig.mode is Mode.STOPPED
     assert rig.reason == ""

@@ -1,0 +1,126 @@
+"""Trajectories for position tracking, sampled at the cycle: rest at both ends, and never beyond what is allowed."""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from test_rig_sim.motion import Pace, at_rest, towards
+
+Array = npt.NDArray[np.float64]
+
+KINDS = ("sine", "chirp", "steps", "file")
+
+
+class Shape(NamedTuple):
+    """What the trajectory is to be."""
+
+    kind: str  # one of KINDS
+    center: float  # m
+    amplitude: float  # m
+    frequency: float  # Hz; steps: of the square wave
+    end_frequency: float  # Hz, of a chirp
+    duration: float  # s
+    fade: float  # s, time in which sine and chirp come and go
+    file: str  # CSV file with time (s) and position (m) in each line
+
+
+class Ability(NamedTuple):
+    """What drive and limits allow."""
+
+    position: float  # m
+    speed: float  # m/s
+    acceleration: float  # m/s^2
+
+
+def sample(shape: Shape, pace: Pace, period: float) -> Array:
+    """Return the positions (n,) in m at t = 0, period, ...; the steps are motions of that pace.
+
+    Sine and chirp begin and end at the center under a half-cosine window; a chirp's frequency rises linearly. A file
+    is joined by a cubic spline whose speed is zero at both ends.
+
+    Raises
+    ------
+    ValueError
+        The text names the key: a file that cannot be read or whose times do not rise.
+    """
+    if shape.kind == "file":
+        return _from_file(shape.file, period)
+    count = max(1, round(shape.duration / period))
+    t: Array = np.arange(count + 1, dtype=np.float64) * period
+    if shape.kind == "steps":
+        return _steps(shape, pace, t, period)
+    end = shape.frequency if shape.kind == "sine" else shape.end_frequency
+    phase = 2.0 * math.pi * (shape.frequency * t + 0.5 * (end - shape.frequency) / t[-1] * t**2)
+    fade = min(shape.fade, 0.5 * float(t[-1]))
+    near = np.minimum(np.minimum(t, t[-1] - t), fade)
+    window = 0.5 * (1.0 - np.cos(math.pi * near / fade)) if fade > 0.0 else np.ones_like(t)
+    found: Array = shape.center + shape.amplitude * window * np.sin(phase)
+    found[-1] = shape.center
+    return found
+
+
+def _steps(shape: Shape, pace: Pace, t: Array, period: float) -> Array:
+    found = [shape.center]
+    speed = 0.0
+    for time in t[:-1]:
+        goal = shape.center + shape.amplitude * (1.0 if (time * shape.frequency) % 1.0 < 0.5 else -1.0)
+        reference, speed = towards(goal, pace, found[-1], speed, period)
+        found.append(reference)
+    while not at_rest(shape.center, found[-1], speed):
+        reference, speed = towards(shape.center, pace, found[-1], speed, period)
+        found.append(reference)
+    return np.array(found)
+
+
+def _from_file(name: str, period: float) -> Array:
+    if not name:
+        raise ValueError("trajectory.file is empty: it has to name a CSV file of time (s) and position (m)")
+    try:
+        with Path(name).open(encoding="utf-8") as lines:
+            rows = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+        if rows and any(c.isalpha() and c not in "eE" for c in rows[0]):
+            rows = rows[1:]
+        table = np.array([[float(word) for word in row.split(",")] for row in rows], dtype=np.float64)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"trajectory.file = {name} cannot be read: {error}") from None
+    except ValueError:
+        raise ValueError(f"trajectory.file = {name}: every line has to be 'time, position'") from None
+    if table.ndim != 2 or table.shape[1:] != (2,) or len(table) < 2 or not np.all(np.isfinite(table)):
+        raise ValueError(f"trajectory.file = {name}: two or more lines of 'time, position' are needed")
+    if not np.all(np.diff(table[:, 0]) > 0.0):
+        raise ValueError(f"trajectory.file = {name}: the times do not rise from line to line")
+    spline = CubicSpline(table[:, 0] - table[0, 0], table[:, 1], bc_type="clamped")
+    count = math.ceil(float(table[-1, 0] - table[0, 0]) / period - 1e-9)
+    return np.asarray(spline(np.minimum(np.arange(count + 1) * period, table[-1, 0] - table[0, 0])), dtype=np.float64)
+
+
+def check(positions: Array, shape: Shape, ability: Ability, period: float) -> None:
+    """Refuse a trajectory that drive or limits cannot follow from rest to rest.
+
+    Raises
+    ------
+    ValueError
+        The text names the keys, what they ask for and what there is.
+    """
+    keys = {
+        "sine": "trajectory.amplitude, trajectory.frequency",
+        "chirp": "trajectory.amplitude, trajectory.frequency, trajectory.end_frequency",
+        "steps": "trajectory.amplitude, motion.speed, motion.acceleration",
+        "file": "trajectory.file",
+    }[shape.kind]
+    padded = np.concatenate([positions[:1], positions, positions[-1:]])
+    speed = np.diff(padded) / period
+    asked = (
+        ("position", "m", float(np.abs(positions).max()), ability.position),
+        ("speed", "m/s", float(np.abs(speed).max()), ability.speed),
+        ("acceleration", "m/s^2", float(np.abs(np.diff(speed)).max()) / period, ability.acceleration),
+    )
+    for what, unit, most, allowed in asked:
+        if most > allowed:
+            raise ValueError(
+                f"{keys}: the trajectory asks for a {what} of {most:.3g} {unit}, allowed are {allowed:.3g}"
+            )
