@@ -13,6 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
         (f"share/{package}/config", sorted(map(str, Path("config").glob("*.yaml")))),
+        (f"share/{package}/config/identified", sorted(map(str, Path("config/identified").glob("*.yaml")))),
     ],
     install_requires=["setuptools"],
     zip_safe=True,

@@ -4,32 +4,62 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from impedance_mpc import correction
+from impedance_mpc import correction, forecast, prepare
+from impedance_mpc.approach import Approach
 from impedance_mpc.books import Books
-from impedance_mpc.condense import MILLIMETRE, Weights, predict, program
+from impedance_mpc.condense import MILLIMETRE, Weights, program
 from impedance_mpc.correction import CorrectionRule
-from impedance_mpc.parameters import Parameters
-from impedance_mpc.plant import Array, Impedance, design_plant, pt2_rig
+from impedance_mpc.forecast import ForecastRule
+from impedance_mpc.parameters import CASCADED, CORRECTED, Parameters
+from impedance_mpc.plant import Array, Impedance, pt2_rig
+from impedance_mpc.predict import predict
 from impedance_mpc.solver import FAILED, QuadraticProgram
 
 FALLBACK = 2
 """Status of a command that was taken from the plan of the cycle before."""
 
 
+class RigReading(NamedTuple):
+    """The rig at t_k."""
+
+    w_tr: float  # m
+    v_tr: float  # m/s
+    f_tr: float  # N
+    reference: float  # m, end of the last ramp that the rig accepted; NaN: as it was commanded
+    work: float = 0.0  # J, accumulated by the rig
+    impulse: float = 0.0  # N s, likewise
+
+
+class EnvironmentReading(NamedTuple):
+    """The environment at t_k: state of the reduced model (3.41), and its contact point."""
+
+    displacement: Array  # q (n,)
+    velocity: Array  # q' (n,)
+    acceleration: Array  # q'' (n,)
+    held: Array  # f_held (n,)
+    w: float  # m
+    v: float  # m/s
+    f: float  # N, force that acts on it at t_k
+    work: float = 0.0  # J, accumulated by the environment
+    impulse: float = 0.0  # N s, likewise
+
+
 @dataclass
 class Command:
     """Command of one cycle: references in m, forces in N; ``correction`` is a case of :mod:`.correction`.
 
-    ``status`` is SOLVED (0), MAX_ITERATIONS (1) or FALLBACK (2), ``fallbacks`` counts the latter since the reset.
+    ``f_cat`` = ``f_predicted`` + ``f_cor`` is the force on the environment at t_(k+1). ``status`` is SOLVED (0) or
+    FALLBACK (2), ``fallbacks`` counts the latter since the reset.
     """
 
     u_tr: float = 0.0
     u_tr_next: float = 0.0
     f_tr: float = 0.0
+    f_predicted: float = 0.0
     f_cor: float = 0.0
     f_cat: float = 0.0
     f_cor_lower: float = 0.0
@@ -40,48 +70,12 @@ class Command:
     fallbacks: int = 0
 
 
-@njit(cache=True, fastmath=False)  # type: ignore[untyped-decorator]
-def _gradient(gradient_t: Array, p: Array, g: Array) -> None:
-    """Compute g = G p, column by column of G, so that the inner loop runs over contiguous memory."""
-    for i in range(g.size):
-        g[i] = 0.0
-    for j in range(p.size):
-        factor = p[j]
-        for i in range(g.size):
-            g[i] += gradient_t[j, i] * factor
-
-
-@njit(cache=True, fastmath=False)  # type: ignore[untyped-decorator]
-def _drive_bounds(
-    row_rig: Array,
-    row_step: Array,
-    limit_lower: Array,
-    limit_upper: Array,
-    w_tr: float,
-    v_tr: float,
-    stop: float,
-    lower: Array,
-    upper: Array,
-) -> None:
-    """Set the bounds on the moves' part of the drive's positions and velocities.
-
-    A drive that is already too fast, or too near to its end to stay inside, must not make the program infeasible. The
-    plan "the reference stays at ``stop`` (mm) from now on" is always allowed by the box, so each bound is opened as
-    far as this plan needs it, and not further: the limits are hard whenever stopping keeps them, and otherwise the
-    drive may do nothing worse than to stop.
-    """
-    for i in range(lower.size):
-        free = row_rig[i, 0] * w_tr + row_rig[i, 1] * v_tr
-        held = row_step[i] * stop
-        lower[i] = min(limit_lower[i] - free, held)
-        upper[i] = max(limit_upper[i] - free, held)
-
-
 class ImpedanceController:
     """Impedance controller of thesis 3.2.3 for a rig with PT2 position loop and a linear environment.
 
-    ``config`` gives horizons, weights, limits and correction; ``model`` is the reduced environment (3.1.9) with
-    step Ts. Construction designs everything; :meth:`command` is one cycle.
+    ``config`` gives horizons, weights, limits, forecast and correction; ``model`` is the reduced environment (3.1.9)
+    with step Ts. Construction designs everything; :meth:`command` is one cycle. ``books`` may be shared with another
+    controller that takes turns with this one.
 
     Raises
     ------
@@ -89,7 +83,7 @@ class ImpedanceController:
         The step of ``model`` is not ``cycle_time``, or the design is impossible.
     """
 
-    def __init__(self, config: Parameters, model: Impedance) -> None:
+    def __init__(self, config: Parameters, model: Impedance, books: Books | None = None) -> None:
         ts = config.cycle_time
         if abs(model.ts - ts) > 1e-9:
             raise ValueError(f"'cycle_time' = {ts} s is not the impedance model's step of {model.ts} s")
@@ -100,55 +94,84 @@ class ImpedanceController:
             dead_zone=config.correction_dead_zone,
             rate=config.correction_rate_limit * ts,
             instantaneous_term=config.correction_instantaneous_term,
+            tolerance=config.correction_tolerance,
         )
-        self.correcting = config.correction
+        self.control = config.control
+        self._share = {"sums": 1.0, "both": 0.5, "work": 0.0}[config.correction_book]
         n_c = config.control_horizon
-        plant = design_plant(pt2_rig(config.rig_natural_frequency_hz, config.rig_damping_ratio, ts), model)
+        rig = pt2_rig(config.rig_natural_frequency_hz, config.rig_damping_ratio, ts, config.rig_delay)
         weights = Weights(**config.weights.model_dump())
-        prediction = predict(plant, config.prediction_horizon, n_c)
-        omega = 2.0 * math.pi * config.rig_natural_frequency_hz
-        self._lead = 2.0 * config.rig_damping_ratio / omega  # s
-        self.program = program(plant, prediction, weights, n_c, config.constraint_stride, self._lead)
-        self.qp = QuadraticProgram(
-            self.program.hessian, self.program.rows, config.qp_tolerance, config.qp_max_iterations
+        self.program = program(
+            predict(rig, model, config.prediction_horizon, n_c), weights, n_c, config.constraint_stride
         )
-        self.books = Books(ts)
+        self.qp = QuadraticProgram(
+            self.program.hessian,
+            self.program.rows,
+            config.qp_tolerance,
+            config.qp_max_iterations,
+            self.program.softness,
+        )
+        self._forecast = forecast.design(ForecastRule(**config.forecast.model_dump()), ts)
+        self.books = Books(ts) if books is None else books
         self.result = Command()
-        self._ts, self._n_c, self._n = ts, n_c, model.n
+        self._ts, self._n_c = ts, n_c
         self._minimum, self._maximum = config.position_minimum / MILLIMETRE, config.position_maximum / MILLIMETRE
-        speed, lead = config.velocity_limit / MILLIMETRE, config.acceleration_limit / omega**2 / MILLIMETRE
-        self._limit_lower: Array = np.array([self._minimum, -speed, -lead])[self.program.kind]
-        self._limit_upper: Array = np.array([self._maximum, speed, lead])[self.program.kind]
-        self._p = np.zeros(self.program.layout.size)
-        self._g = np.zeros(2 * n_c)
-        self._lower, self._upper = self._limit_lower.copy(), self._limit_upper.copy()
-        self._box_lower = np.full(2 * n_c, self._minimum)
-        self._box_upper = np.full(2 * n_c, self._maximum)
+        speed, lead = config.velocity_limit / MILLIMETRE, config.acceleration_limit / rig.omega**2 / MILLIMETRE
+        limits = np.array([[self._minimum, -speed, -lead], [self._maximum, speed, lead]])
+        self._constants = prepare.constants(self.program, rig, model.output, model.compliance, ts, limits)
+        self._work = prepare.work(self.program)
+        self._box_lower, self._box_upper = np.full(2 * n_c, self._minimum), np.full(2 * n_c, self._maximum)
         self._plan = np.zeros(2 * n_c)  # mm, N
+        self._approach = Approach(config.approach_time, ts)
         self.reset()
 
     def reset(self) -> None:
         """Bring books, plan and solver to the state before cycle 0; runs after it repeat to the last bit."""
         self.books.clear()
-        self.qp.reset()
-        self._p[:] = 0.0
-        self._plan[:] = 0.0
-        self._cycle = 0
-        self._gap = 0.0
-        self._f_cor = 0.0
         self.result.fallbacks = 0
+        self.rest()
 
-    def _approach(self) -> tuple[float, float]:
-        """Give the target's offset from the wire (m) and its rate (m/s).
+    def rest(self) -> None:
+        """Forget the plan, as at the start of a ride, but not the books."""
+        self.qp.reset()
+        for array in self._work:
+            array.fill(0.0)
+        self._plan[:] = 0.0
+        self._fresh = True
+        self._follows = True
+        self._apart = True
+        self._approach.clear()
 
-        At the start drive and wire need not be at the same height: the gap of cycle 0 is closed along half a cosine,
-        instead of by a jump at the current limit.
+    def disengage(self) -> None:
+        """Say that the rig does not follow in the cycle of the next command.
+
+        That cycle is not entered into the books and has no correction force, and the target is where the drive is and
+        goes as fast as it goes: from there the next followed commands close the gap.
         """
-        t, end = self._cycle * self._ts, self.config.approach_time
-        if t >= end:
-            return 0.0, 0.0
-        phase = math.pi * t / end
-        return 0.5 * self._gap * (1.0 + math.cos(phase)), -0.5 * self._gap * math.pi / end * math.sin(phase)
+        self._follows = False
+        self._apart = True
+
+    def rejoin(self) -> None:
+        """Close the gap to the environment anew from the next command on; the rig goes on following."""
+        self._apart = True
+
+    def take_over(self, other: ImpedanceController) -> None:
+        """Go on where another controller, of another environment, stopped: plan, forecast, correction force, counters.
+
+        Both share the rig's model and the horizons. What the books know of the environment begins anew.
+        """
+        self.qp.reset()
+        self._plan[:] = other._plan
+        mine, theirs = self._work, other._work
+        mine.now[:] = theirs.now
+        mine.now[prepare.F_ENV] = math.nan
+        mine.ramps[:] = theirs.ramps
+        mine.filter[:] = theirs.filter
+        self._fresh = other._fresh
+        self.control = other.control
+        self.result.fallbacks = other.result.fallbacks
+        self.books.forget()
+        self.rejoin()
 
     @property
     def plan(self) -> tuple[Array, Array]:
@@ -156,91 +179,115 @@ class ImpedanceController:
         n_c = self._n_c
         return self._plan[:n_c] * MILLIMETRE, self._plan[n_c:].copy()
 
-    def command(
-        self,
-        w_tr: float,
-        v_tr: float,
-        f_tr: float,
-        displacement: Array,
-        velocity: Array,
-        acceleration: Array,
-        held: Array,
-        w_cat: float,
-        v_cat: float,
-        reference: float = math.nan,
-    ) -> Command:
-        """Compute the command of cycle k from both states at t_k and enter the cycle into the books.
+    def _take(self, rig: RigReading, environment: EnvironmentReading) -> float:
+        """Bring all that is remembered to t_k; give the contact force predicted for t_(k+1), N."""
+        now, ramps, n_c = self._work.now, self._work.ramps, self._n_c
+        reference = rig.reference
+        if self._fresh:
+            self._fresh = False
+            if math.isnan(reference):
+                reference = rig.w_tr
+            self._plan[:n_c] = min(max(reference / MILLIMETRE, self._minimum), self._maximum)
+            ramps[:] = reference
+            forecast.start(self._forecast, self._work.filter, rig.f_tr, rig.v_tr)
+            now[prepare.W_TR] = rig.w_tr
+            now[prepare.F_ENV] = environment.f
+        else:
+            sent, begun = float(self._plan[1]) * MILLIMETRE, float(self._plan[0]) * MILLIMETRE
+            stood = float(ramps[1])
+            if math.isnan(reference):
+                reference = sent
+            ramps[2:] = ramps[:-2].copy()
+            # A command that the rig did not take (too late, or not wanted) left it on a ramp from where it was.
+            ramps[0] = begun if abs(reference - sent) < 1e-9 else stood
+            ramps[1] = reference
+        now[prepare.WAY] = rig.w_tr - now[prepare.W_TR]
+        now[prepare.W_TR], now[prepare.V_TR], now[prepare.F_TR] = rig.w_tr, rig.v_tr, rig.f_tr
+        before = now[prepare.F_ENV]
+        now[prepare.F_ENV_BEFORE] = environment.f if math.isnan(before) else before
+        now[prepare.W_ENV], now[prepare.V_ENV], now[prepare.F_ENV] = environment.w, environment.v, environment.f
+        now[prepare.REFERENCE_NOW] = reference
+        return float(prepare.force_ahead(self._constants, self._work, self._forecast, self._plan))
 
-        Parameters are the drive's position (m), velocity (m/s) and contact force (N), the segment's q, q', q'' and
-        f_held (each (n,)), the wire's displacement (m) and velocity (m/s) at the contact point, and the inner loop's
-        reference at t_k (m; NaN: the one that the command before predicted). All have to be finite otherwise.
-        The object returned is the same one each time.
+    def command(self, rig: RigReading, environment: EnvironmentReading) -> Command:
+        """Compute the command of cycle k from both states at t_k and enter the instant into the books.
+
+        All numbers have to be finite (but for the reference). The object returned is the same one each time.
         """
-        n_c, p, result = self._n_c, self._p, self.result
-        layout, model = self.program.layout, self.model
-        if self._cycle == 0:
-            self._plan[:n_c] = min(max(w_tr / MILLIMETRE, self._minimum), self._maximum)
-            self._gap = w_tr - w_cat
-        if math.isnan(reference):
-            reference = self._plan[1] * MILLIMETRE
-        offset, drift = self._approach()
-        self._cycle += 1
+        n_c, work, books = self._n_c, self._work, self.books
+        now = work.now
+        predicted = self._take(rig, environment)
+        follows, self._follows = self._follows, True
+        if self._apart:
+            self._apart = False
+            self._approach.restart(rig.w_tr - environment.w, rig.v_tr - environment.v)
+        if follows:
+            books.add(rig.f_tr, rig.v_tr, environment.f, environment.v)
+        books.accumulate(rig.work, environment.work, rig.impulse, environment.impulse, counted=follows)
+        offset, drift = self._approach.advance()
+        if self.control == CASCADED:
+            return self._cascade(rig, environment, offset, drift)
 
-        n = self._n
-        p[0], p[1] = w_tr, v_tr
-        p[2 : 2 + n] = displacement
-        p[2 + n : 2 + 2 * n] = velocity
-        p[2 + 2 * n : 2 + 3 * n] = acceleration
-        p[layout.momentum] = self.books.delta_p
-        p[3 + 3 * n : 3 + 4 * n] = held
-        at = layout.force
-        p[at] = f_tr
-        p[at + 1] = w_cat - model.output.dot(displacement) + offset
-        p[at + 2] = v_cat - model.output.dot(velocity)
-        p[at + 3] = drift
-        p[at + 4] = reference
-        p[at + 5] = self._f_cor
-        _gradient(self.program.gradient_t, p, self._g)
-
-        # A reference that leads by 2 zeta v / omega lets the PT2 start to stop without any acceleration.
-        stop = min(max((w_tr + self._lead * v_tr) / MILLIMETRE, self._minimum), self._maximum)
-        _drive_bounds(
-            self.program.row_rig,
-            self.program.row_step,
-            self._limit_lower,
-            self._limit_upper,
-            w_tr,
-            v_tr,
-            stop,
-            self._lower,
-            self._upper,
-        )
-        if self.correcting:
-            low, high, case = correction.bounds(self.rule, self.books.delta_e, v_cat, v_tr, f_tr, self._f_cor, self._ts)
+        now[prepare.OFFSET], now[prepare.DRIFT_NOW], now[prepare.DELTA_P] = offset, drift, books.delta_p
+        before = float(now[prepare.F_COR])
+        prepare.prepare(self._constants, work, *environment[:4])
+        if self.control == CORRECTED and follows:
+            # F_cor acts at t_(k+1), when the wire moves as fast as its acceleration has made it by then.
+            v_next = environment.v + self._ts * float(self.model.output.dot(environment.acceleration))
+            error = self._share * books.delta_e + (1.0 - self._share) * books.delta_work
+            low, high, case = correction.bounds(self.rule, error, v_next, rig.v_tr, rig.f_tr, before, self._ts)
+            # A pantograph cannot pull the wire down.
+            low = max(low, min(0.0, -predicted))
+            high = max(high, low)
         else:
             low, high, case = 0.0, 0.0, correction.OFF
         self._box_lower[n_c:] = low
         self._box_upper[n_c:] = high
 
-        status = self.qp.solve(self._g, self._lower, self._upper, self._box_lower, self._box_upper)
+        status = self.qp.solve(work.g, work.lower, work.upper, self._box_lower, self._box_upper)
         plan = self._plan
         if status == FAILED:
             # The plan of the cycle before, one cycle on; its last entry is held.
             plan[: n_c - 1] = plan[1:n_c].copy()
-            plan[n_c : 2 * n_c - 1] = plan[n_c + 1 :].copy()
-            result.status = FALLBACK
-            result.fallbacks += 1
+            plan[n_c:-1] = plan[n_c + 1 :].copy()
+            status = FALLBACK
+            self.result.fallbacks += 1
         else:
             plan[:] = self.qp.z
-            result.status = status
         # A solution keeps its bounds to the tolerance only, and an old plan knows nothing of the new ones.
         np.clip(plan, self._box_lower, self._box_upper, out=plan)
-
         f_cor = float(plan[n_c])
-        self.books.add(f_tr, v_tr, f_cor, v_cat)
-        self._f_cor = f_cor
-        result.u_tr, result.u_tr_next = float(plan[0]) * MILLIMETRE, float(plan[1]) * MILLIMETRE
-        result.f_tr, result.f_cor, result.f_cat = f_tr, f_cor, f_tr + f_cor
-        result.f_cor_lower, result.f_cor_upper, result.correction = low, high, case
-        result.iterations = self.qp.iterations
+        now[prepare.F_COR] = f_cor
+        u_tr, u_next = float(plan[0]) * MILLIMETRE, float(plan[1]) * MILLIMETRE
+        self.result.iterations = self.qp.iterations
+        return self._answer(u_tr, u_next, rig.f_tr, predicted, f_cor, (low, high, case), status)
+
+    def _cascade(self, rig: RigReading, environment: EnvironmentReading, offset: float, drift: float) -> Command:
+        """Classic cascaded impedance control: the environment, simulated from the measured force as it is, leads.
+
+        Its position is the reference of the position loop, and goes on at its speed until the next one comes.
+        """
+        low, high = self._minimum * MILLIMETRE, self._maximum * MILLIMETRE
+        u_tr = min(max(environment.w + offset, low), high)
+        u_next = min(max(environment.w + offset + self._ts * (environment.v + drift), low), high)
+        self._plan[: self._n_c] = u_next / MILLIMETRE
+        self._plan[0] = u_tr / MILLIMETRE
+        self.result.iterations = 0
+        return self._answer(u_tr, u_next, rig.f_tr, rig.f_tr, 0.0, (0.0, 0.0, correction.OFF), 0)
+
+    def _answer(
+        self,
+        u_tr: float,
+        u_next: float,
+        f_tr: float,
+        predicted: float,
+        f_cor: float,
+        bounds: tuple[float, float, int],
+        status: int,
+    ) -> Command:
+        result = self.result
+        result.u_tr, result.u_tr_next = u_tr, u_next
+        result.f_tr, result.f_predicted, result.f_cor, result.f_cat = f_tr, predicted, f_cor, predicted + f_cor
+        result.f_cor_lower, result.f_cor_upper, result.correction = bounds
+        result.status = status
         return result

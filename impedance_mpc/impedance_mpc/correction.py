@@ -31,6 +31,8 @@ PROJECTED = 3
 """Bounds of (3.49) and what cap and rate limit allow do not meet: the nearest end of the latter is used."""
 DEAD_ZONE = 4
 """The wire is too slow for the force to move energy: the force is free within cap and rate limit."""
+SETTLED = 5
+"""The energy error is within its tolerance: the force is free within cap and rate limit, to work off momentum."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,8 @@ class CorrectionRule:
     ``alpha`` is the slowest decay of dE a cycle, ``cap`` the largest |F_cor| in N, ``dead_zone`` the |v_cat| in m/s
     below which the bounds are not used, ``rate`` the largest change of F_cor a cycle in N. ``instantaneous_term``
     keeps c in the bounds; without it dE decays on average only, with it F_cor follows every sample's velocity error
-    divided by a small velocity, and the wire follows F_cor.
+    divided by a small velocity, and the wire follows F_cor. ``tolerance`` in J is the energy error that is left alone:
+    what noise puts into the books must not be chased with forces.
 
     Raises
     ------
@@ -53,12 +56,13 @@ class CorrectionRule:
     dead_zone: float
     rate: float
     instantaneous_term: bool = False
+    tolerance: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.alpha < 1.0:
             raise ValueError(f"correction_alpha {self.alpha} is not between 0 and 1")
-        if not (self.cap > 0.0 and self.rate > 0.0 and self.dead_zone >= 0.0):
-            raise ValueError("cap and rate of the correction force have to be positive, its dead zone not negative")
+        if not (self.cap > 0.0 and self.rate > 0.0 and self.dead_zone >= 0.0 and self.tolerance >= 0.0):
+            raise ValueError("cap and rate of F_cor have to be positive, its dead zone and tolerance not negative")
 
 
 def decay_interval(
@@ -87,6 +91,8 @@ def bounds(
     high = min(rule.cap, before + rule.rate)
     if abs(v_cat) < rule.dead_zone or v_cat == 0.0:
         return low, high, DEAD_ZONE
+    if abs(delta_e) < rule.tolerance:
+        return low, high, SETTLED
     lower, upper = decay_interval(delta_e, v_cat, v_tr, f_tr, ts, rule.alpha, rule.instantaneous_term)
     if lower > high:
         return high, high, PROJECTED

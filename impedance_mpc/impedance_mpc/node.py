@@ -1,4 +1,4 @@
-"""ROS node of the impedance controller: wires topics, services and parameters to :class:`ImpedanceController`."""
+"""ROS node of the impedance controller: wires topics, services and parameters to :class:`EnvironmentSwitch`."""
 
 from __future__ import annotations
 
@@ -11,17 +11,20 @@ from rclpy.parameter import Parameter
 from rclpy.wait_for_message import wait_for_message
 from std_srvs.srv import SetBool
 
-from impedance_mpc.controller import FALLBACK, Command, ImpedanceController
+from impedance_mpc.controller import FALLBACK, Command, EnvironmentReading, RigReading
 from impedance_mpc.pairing import Arrival, CyclePairs
-from impedance_mpc.parameters import Parameters
+from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
 from impedance_mpc.plant import Impedance
+from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
 from phil_node.base import WARN, Diagnosis, PhilNode, run
 from phil_node.guard import finite, finite_array
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED
 
 BOOKS_EVERY = 10
 """Cycles from one message of the conserved quantities to the next."""
-CASES = ("off", "active", "capped", "projected", "dead zone")
+FOLLOWING = frozenset((RigState.MODE_TRACKING, RigState.MODE_BRIDGING, RigState.MODE_HOLDING))
+"""Modes of a rig that does as it is told; in all others its force goes to the environment, but not into the books."""
+CASES = ("off", "active", "capped", "projected", "dead zone", "settled")
 
 
 class ImpedanceNode(PhilNode[Parameters]):
@@ -29,20 +32,18 @@ class ImpedanceNode(PhilNode[Parameters]):
 
     def __init__(self) -> None:
         super().__init__("impedance_mpc", Parameters)
-        self.controller: ImpedanceController
+        self.switch: EnvironmentSwitch
         self.pairs: CyclePairs[RigState, CatenaryState] = CyclePairs()
         self.unusable = 0
         self.fallbacks_reported = 0
 
     def build(self) -> None:
-        """Wait for the impedance model, design the controller, compile its kernels, open the topics."""
+        """Wait for the impedance model, design the controllers, compile their kernels, open the topics."""
         model = self._receive_model()
-        self.controller = ImpedanceController(self.parameters, model)
+        self.switch = EnvironmentSwitch(self.parameters, model)
+        self.switch.warm_up()
         zeros = np.zeros(model.n)
         self.segment = (zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy())
-        for _ in range(3):
-            self.controller.command(0.0, 0.0, 0.0, zeros, zeros, zeros, zeros, 0.0, 0.0, 0.0)
-        self.controller.reset()
         self.pairs.clear()
         self.answer = ImpedanceCommand()
         self.answer.header.frame_id = "rig"
@@ -59,32 +60,28 @@ class ImpedanceNode(PhilNode[Parameters]):
         """Begin at cycle 0."""
         self.reset()
 
-    def discard(self) -> None:
-        """Drop the controller: ProxQP complains at the end of a process that still holds a program."""
-        self.__dict__.pop("controller", None)
-
-    def destroy_node(self) -> None:
-        """Drop the controller also where the process ends while the node is active."""
-        self.discard()
-        super().destroy_node()
-
     def reset(self) -> None:
         """Forget states, plan and books and wait for cycle 0."""
-        self.controller.reset()
+        self.switch.reset()
         self.pairs.clear()
         self.unusable = 0
         self.fallbacks_reported = 0
 
     def changed(self, names: frozenset[str]) -> None:
-        """Switch the correction force."""
-        self.controller.correcting = self.parameters.correction
+        """Change the control scheme, or the environment: the next cycle begins with it."""
+        if "control" in names:
+            self.switch.set_control(self.parameters.control)
+        if "environment" in names:
+            self.switch.select(self.parameters.environment)
 
     def diagnose(self) -> Diagnosis:
         """Report books, correction and solver; warn of new fallbacks and of lost cycles."""
-        books, result = self.controller.books, self.controller.result
+        books, result = self.switch.books, self.switch.result
         values = {
+            "environment": ENVIRONMENTS[self.switch.active],
             "next cycle": str(self.pairs.next),
             "energy error J": f"{books.delta_e:.4f}",
+            "energy error by work done J": f"{books.delta_work:.4f}",
             "exchanged energy J": f"{books.exchanged_energy:.2f}",
             "momentum error N s": f"{books.delta_p:.3f}",
             "correction": CASES[result.correction],
@@ -120,17 +117,19 @@ class ImpedanceNode(PhilNode[Parameters]):
             message.ts,
             message.newmark_beta,
             message.newmark_gamma,
+            message.local_compliance,
         )
 
     def _set_correction(self, request: Any, response: Any) -> Any:
-        result = self.set_parameters([Parameter("correction", value=bool(request.data))])[0]
+        wanted = CORRECTED if request.data else INTEGRATED
+        result = self.set_parameters([Parameter("control", value=wanted)])[0]
         response.success = result.successful
         response.message = result.reason or f"correction force is {'on' if request.data else 'off'}"
         return response
 
     def _take_rig(self, state: RigState) -> None:
         self.timing.begin()
-        if not finite(state.w_tr, state.v_tr, state.f_tr, state.reference):
+        if not finite(state.w_tr, state.v_tr, state.f_tr, state.reference, state.work, state.impulse):
             self._refuse()
             return
         arrival = self.pairs.add_rig(state.cycle, state)
@@ -146,7 +145,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.timing.begin()
         q, qd, qdd, held = self.segment
         usable = (
-            finite(state.w_cat, state.v_cat)
+            finite(state.w_cat, state.v_cat, state.f_cat, state.work, state.impulse)
             and finite_array(state.segment_displacement, q)
             and finite_array(state.segment_velocity, qd)
             and finite_array(state.segment_acceleration, qdd)
@@ -175,8 +174,10 @@ class ImpedanceNode(PhilNode[Parameters]):
             qd[:] = wire.segment_velocity
             qdd[:] = wire.segment_acceleration
             held[:] = wire.segment_force
-            result = self.controller.command(
-                rig.w_tr, rig.v_tr, rig.f_tr, q, qd, qdd, held, wire.w_cat, wire.v_cat, rig.reference
+            result = self.switch.command(
+                RigReading(rig.w_tr, rig.v_tr, rig.f_tr, rig.reference, rig.work, rig.impulse),
+                EnvironmentReading(q, qd, qdd, held, wire.w_cat, wire.v_cat, wire.f_cat, wire.work, wire.impulse),
+                rig.mode in FOLLOWING,
             )
             self._send(rig, cycle, result)
             self.timing.missing = self.pairs.missing
@@ -192,7 +193,9 @@ class ImpedanceNode(PhilNode[Parameters]):
         answer.header.stamp = rig.header.stamp
         answer.cycle = cycle
         answer.u_tr, answer.u_tr_next = result.u_tr, result.u_tr_next
-        answer.f_tr, answer.f_cor, answer.f_cat = result.f_tr, result.f_cor, result.f_cat
+        answer.f_tr, answer.f_predicted = result.f_tr, result.f_predicted
+        answer.f_cor, answer.f_cat = result.f_cor, self.switch.force_on_catenary
+        answer.environment, answer.w_env, answer.v_env = self.switch.active, self.switch.w, self.switch.v
         answer.f_cor_lower, answer.f_cor_upper = result.f_cor_lower, result.f_cor_upper
         answer.correction, answer.status = result.correction, result.status
         answer.iterations = 0 if result.status == FALLBACK else min(result.iterations, 65535)
@@ -200,14 +203,15 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.commands.publish(answer)
 
     def _send_books(self, rig: RigState, cycle: int) -> None:
-        message, books = self.quantities, self.controller.books
+        message, books = self.quantities, self.switch.books
         message.header.stamp = rig.header.stamp
         message.cycle = cycle
         message.e_tr, message.e_cat, message.delta_e = books.e_tr, books.e_cat, books.delta_e
         message.p_tr, message.p_cat, message.delta_p = books.p_tr, books.p_cat, books.delta_p
         message.exchanged_energy = books.exchanged_energy
         message.exchanged_momentum = books.exchanged_momentum
-        message.work_tr = rig.work
+        message.work_tr, message.work_cat, message.delta_work = books.work_tr, books.work_cat, books.delta_work
+        message.impulse_tr, message.impulse_cat = books.impulse_tr, books.impulse_cat
         self.books.publish(message)
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from pydantic import model_validator
 from typing_extensions import Self
 
+from impedance_mpc.environment_parameters import EnvironmentParameters
 from phil_node.parameters import Group, parameter
+
+CASCADED, INTEGRATED, CORRECTED = "cascaded", "integrated", "integrated_with_correction"
 
 
 class Weights(Group):
@@ -19,6 +22,29 @@ class Weights(Group):
     correction_rate: float = parameter(
         "Cost of a change of the correction force", unit="1/(N/cycle)^2", low=0.0, high=1e6
     )
+    softening: float = parameter(
+        "Cost of breaking a limit of the drive by 1 mm (or 100 mm/s, or 0.1 mm of lead)",
+        unit="1/mm^2",
+        low=1.0,
+        high=1e9,
+    )
+
+
+class Forecast(Group):
+    """How the contact force is predicted."""
+
+    kind: str = parameter(
+        "constant: F_tr(k) as in the thesis; linear: by its rate; contact: head mass on the contact's stiffness",
+        choices=("constant", "linear", "contact"),
+    )
+    stiffness: float = parameter("Measured stiffness k_c of the contact", unit="N/m", low=100.0, high=1e7)
+    head_mass: float = parameter("Mass m_h that moves with the pantograph's head", unit="kg", low=0.1, high=100.0)
+    noise: float = parameter("Standard deviation of one F_tr", unit="N", low=1e-3, high=100.0)
+    load_noise: float = parameter(
+        "Wandering of the unknown load on the head (contact)", unit="N/sqrt(s)", low=1.0, high=1e6
+    )
+    rate_noise: float = parameter("Wandering of the force's rate (linear)", unit="N/s/sqrt(s)", low=10.0, high=1e8)
+    decay: float = parameter("Time in which the force's rate dies out (linear)", unit="s", low=1e-3, high=10.0)
 
 
 class Parameters(Group):
@@ -28,10 +54,17 @@ class Parameters(Group):
     prediction_horizon: int = parameter("Predicted cycles Np", unit="1", low=2, high=200)
     control_horizon: int = parameter("Free moves Nc; later moves are held", unit="1", low=2, high=200)
     weights: Weights
+    forecast: Forecast
     rig_natural_frequency_hz: float = parameter(
         "Natural frequency of the rig's closed position loop (PT2)", unit="Hz", low=1.0, high=1000.0
     )
     rig_damping_ratio: float = parameter("Damping ratio of the same loop", unit="1", low=0.05, high=5.0)
+    rig_delay: float = parameter(
+        "Dead time of the same loop behind its commands, whole cycles included",
+        unit="s",
+        low=0.0,
+        high=0.02,
+    )
     position_minimum: float = parameter("Lowest reference and position of the drive", unit="m", low=-5.0, high=5.0)
     position_maximum: float = parameter("Highest reference and position of the drive", unit="m", low=-5.0, high=5.0)
     velocity_limit: float = parameter("Largest speed of the drive", unit="m/s", low=0.01, high=50.0)
@@ -42,7 +75,23 @@ class Parameters(Group):
     approach_time: float = parameter(
         "Time in which the drive goes to the wire's height at the start", unit="s", low=0.0, high=60.0
     )
-    correction: bool = parameter("Correction force F_cor on", live=True)
+    environment: str = parameter(
+        "What the rig behaves like: the catenary, its reduced model alone, or a mass on spring and damper",
+        choices=("catenary", "reduced", "mass_spring_damper"),
+        live=True,
+    )
+    environments: EnvironmentParameters
+    control: str = parameter(
+        "cascaded: the wire's position is the reference; integrated: predictive, both models in one; "
+        "integrated_with_correction: with the correction force F_cor",
+        choices=(CASCADED, INTEGRATED, CORRECTED),
+        live=True,
+    )
+    correction_book: str = parameter(
+        "What F_cor keeps consistent: the sums of eq. (3.46), the work that was done, or the mean of both",
+        choices=("sums", "work", "both"),
+    )
+    correction_tolerance: float = parameter("Energy error that is left alone", unit="J", low=0.0, high=1000.0)
     correction_alpha: float = parameter(
         "Slowest decay of the energy error a cycle, eq. (3.49)", unit="1", low=0.0, high=1.0
     )
@@ -53,10 +102,10 @@ class Parameters(Group):
     correction_rate_limit: float = parameter("Fastest change of the correction force", unit="N/s", low=1.0, high=1e7)
     correction_instantaneous_term: bool = parameter("Keep the instantaneous term in the bounds of eq. (3.49)")
     qp_max_iterations: int = parameter(
-        "Outer iterations, and inner ones in each, after which the program is cut short", unit="1", low=1, high=10000
+        "Changes of the active set after which the plan of the cycle before is used", unit="1", low=1, high=10000
     )
     qp_tolerance: float = parameter(
-        "Absolute tolerance of the quadratic program (mm, N)", unit="1", low=1e-12, high=0.01
+        "Largest violation of a constraint that counts as none (mm, N)", unit="1", low=1e-12, high=0.01
     )
     model_timeout: float = parameter("Time to wait for the impedance model", unit="s", low=0.1, high=600.0)
 

@@ -1,4 +1,4 @@
-"""Design plant of the impedance controller: rig, reduced environment and momentum error, eqs. (3.50) to (3.53)."""
+"""Design plant of the impedance controller: models of the rig and of the environment, eqs. (3.40), (3.44), (3.53)."""
 
 from __future__ import annotations
 
@@ -14,48 +14,83 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RigModel:
-    """Closed position loop of the drive at Ts, x_tr = [w_tr, v_tr] (m, m/s), eq. (3.44) with a ramp between samples.
+    """Closed position loop of the drive at Ts, x_tr = [w_tr, v_tr] (m, m/s), eq. (3.44) with ramps and a dead time.
 
-    x_tr(k+1) = A_tr x_tr(k) + B_tr0 u_tr(k) + B_tr1 u_tr(k+1); ``a`` is (2, 2), ``b0`` and ``b1`` are (2,).
+    The command of cycle j is a ramp from its start s_j to its end e_j. With the dead time (cycles + share) Ts,
+
+        x_tr(k+1) = A_tr x_tr(k) + tail [s_i, e_i] + head [s_j, e_j],    j = k - cycles,  i = j - 1.
+
+    ``a``, ``tail`` and ``head`` are (2, 2); ``share`` in [0, 1); ``omega`` in rad/s, ``damping`` is zeta.
     """
 
     a: Array
-    b0: Array
-    b1: Array
+    tail: Array
+    head: Array
+    cycles: int
+    share: float
+    omega: float
+    damping: float
+
+    @property
+    def b0(self) -> Array:
+        """B_tr0 of x_tr(k+1) = A_tr x_tr(k) + B_tr0 u_tr(k) + B_tr1 u_tr(k+1), without dead time, (2,)."""
+        return self.head[:, 0]
+
+    @property
+    def b1(self) -> Array:
+        """B_tr1, likewise, (2,)."""
+        return self.head[:, 1]
 
 
-def pt2_rig(natural_frequency_hz: float, damping_ratio: float, ts: float) -> RigModel:
-    """Discretise w'' = omega^2 (u - w) - 2 zeta omega w' exactly for a reference that is linear between samples.
+def pt2_ramp(omega: float, damping: float, duration: float) -> tuple[Array, Array]:
+    """Discretise w'' = omega^2 (u - w) - 2 zeta omega w' exactly for one ramp of u from s to e over the duration (s).
 
-    The rig interpolates its reference between u_tr(k) and u_tr(k+1), so the hold is a triangle (first-order hold),
-    not a staircase. With the state [x_tr, u, u'] and u'' = 0 one matrix exponential gives both input columns:
-    x_tr(k+1) = A_tr x_tr(k) + G0 u(k) + G1 (u(k+1) - u(k)), hence B_tr0 = G0 - G1, B_tr1 = G1. The column B_tr1 has
-    no place in the standard form (3.51). It needs no extra state here because the vector of moves (3.54) holds both
-    u_tr(k) and u_tr(k+1) and the condensed prediction can take both; a state-space form would shift the state to
-    x_tr - B_tr1 u_tr (this is what scipy's ``cont2discrete(..., 'foh')`` does, and why its C and D change).
+    Returns A (2, 2) and B (2, 2) of x = A x + B [s, e]: one exponential of the plant extended by [u, u'].
+    """
+    generator = np.zeros((4, 4))
+    generator[0, 1] = duration
+    generator[1, :3] = np.array([-(omega**2), -2.0 * damping * omega, omega**2]) * duration
+    generator[2, 3] = 1.0  # u' is counted per duration
+    step = expm(generator)
+    return step[:2, :2].copy(), np.column_stack([step[:2, 2] - step[:2, 3], step[:2, 3]])
+
+
+def pt2_rig(natural_frequency_hz: float, damping_ratio: float, ts: float, delay: float = 0.0) -> RigModel:
+    """Discretise the PT2 exactly for references that are linear within each cycle and arrive ``delay`` (s) late.
+
+    The rig interpolates its reference between u_tr(k) and u_tr(k+1), so the hold is a ramp, not a staircase. The second
+    input column has no place in the standard form (3.51). It needs no extra state here because the vector of moves
+    (3.54) holds both u_tr(k) and u_tr(k+1) and the condensed prediction can take both; the dead time needs the ramps
+    that are still under way, which the controller knows because it sent them.
 
     Raises
     ------
     ValueError
-        Frequency, damping or step is not positive.
+        Frequency, damping or step is not positive, or the delay is negative.
     """
     if not (natural_frequency_hz > 0.0 and damping_ratio > 0.0 and ts > 0.0):
         raise ValueError("natural frequency, damping ratio and step of the rig have to be positive")
+    if not delay >= 0.0:
+        raise ValueError("the delay of the rig must not be negative")
     omega = 2.0 * np.pi * natural_frequency_hz
-    generator = np.zeros((4, 4))
-    generator[0, 1] = ts
-    generator[1, :3] = np.array([-(omega**2), -2.0 * damping_ratio * omega, omega**2]) * ts
-    generator[2, 3] = 1.0  # u' is counted per step
-    step = expm(generator)
-    return RigModel(a=step[:2, :2].copy(), b0=step[:2, 2] - step[:2, 3], b1=step[:2, 3].copy())
+    cycles = int(delay / ts + 1e-9)
+    share = max(0.0, delay / ts - cycles)
+    if share < 1e-6:
+        share = 0.0
+    # First what is left of the ramp before, then the first part of the ramp that has just arrived.
+    old_a, old_b = pt2_ramp(omega, damping_ratio, share * ts)
+    new_a, new_b = pt2_ramp(omega, damping_ratio, (1.0 - share) * ts)
+    rest = np.array([[share, 1.0 - share], [0.0, 1.0]])
+    first = np.array([[1.0, 0.0], [share, 1.0 - share]])
+    return RigModel(new_a @ old_a, new_a @ old_b @ rest, new_b @ first, cycles, share, omega, damping_ratio)
 
 
 @dataclass(frozen=True)
 class Impedance:
-    """The environment to be emulated: M q'' + D q' + K q = f_held + b f_cat, w_cat = c q, v_cat = c q' (thesis 3.1.9).
+    """The environment to be emulated: M q'' + D q' + K q = f_held + b f_cat, w_cat = c q + dC f_cat (thesis 3.1.9).
 
-    ``mass``, ``damping``, ``stiffness`` are (n, n), ``input`` and ``output`` are (n,); ``ts`` in s is the Newmark step.
-    A mass-spring-damper is the case n = 1.
+    ``mass``, ``damping``, ``stiffness`` are (n, n), ``input`` and ``output`` are (n,); ``ts`` in s is the Newmark step,
+    ``compliance`` dC in m/N is what gives way right under the contact. A mass-spring-damper is the case n = 1.
 
     Raises
     ------
@@ -71,6 +106,7 @@ class Impedance:
     ts: float
     newmark_beta: float = 0.25
     newmark_gamma: float = 0.5
+    compliance: float = 0.0
 
     def __post_init__(self) -> None:
         n = self.n
@@ -82,6 +118,8 @@ class Impedance:
         for name in ("mass", "damping", "stiffness", "input", "output"):
             if not np.all(np.isfinite(getattr(self, name))):
                 raise ValueError(f"impedance model: '{name}' holds NaN or infinity")
+        if not 0.0 <= self.compliance < 1.0:
+            raise ValueError(f"impedance model: local compliance {self.compliance} m/N makes no sense")
         if not 0.0 < self.ts < 1.0:
             raise ValueError(f"impedance model: step {self.ts} s is not between 0 and 1 s")
         if not (0.0 <= self.newmark_beta <= 0.5 and 0.0 <= self.newmark_gamma <= 1.0):
@@ -104,6 +142,7 @@ class Impedance:
         ts: float,
         newmark_beta: float,
         newmark_gamma: float,
+        compliance: float = 0.0,
     ) -> Impedance:
         """Make the model from matrices that are given row by row, n^2 entries each (as a message carries them).
 
@@ -119,7 +158,7 @@ class Impedance:
             raise ValueError(f"impedance model: 'input' has {len(force_input)} entries, not {n}")
         square = [np.array(values, dtype=np.float64).reshape(n, n) for values in (mass, damping, stiffness)]
         ends = [np.array(values, dtype=np.float64) for values in (force_input, output)]
-        return cls(square[0], square[1], square[2], ends[0], ends[1], ts, newmark_beta, newmark_gamma)
+        return cls(square[0], square[1], square[2], ends[0], ends[1], ts, newmark_beta, newmark_gamma, compliance)
 
 
 @dataclass(frozen=True)
@@ -163,49 +202,3 @@ def newmark_state_space(model: Impedance) -> NewmarkModel:
     c[0, :n] = model.output
     c[1, n : 2 * n] = model.output
     return NewmarkModel(a=a, b_force=b_force, b=b_force @ model.input, c=c)
-
-
-@dataclass(frozen=True)
-class DesignPlant:
-    """Design plant (3.50) to (3.53): x = [w_tr, v_tr, q, q', q'', dp], u = [u_tr, F_cor], z = F_tr.
-
-    x(k+1) = A x(k) + B_0 u(k) + B_1 u_tr(k+1) + E F_tr(k) + E_h f_held(k) and
-    y(k) = C x(k) = [e_pos, e_vel, dp]; nx = 3n + 3, ``a`` (nx, nx), ``b0`` (nx, 2), ``b1`` (nx,), ``e`` (nx,),
-    ``e_held`` (nx, n), ``c`` (3, nx). dp = p_tr - p_cat, so dp(k+1) = dp(k) - Ts F_cor(k), eq. (3.47, sign corrected).
-    """
-
-    a: Array
-    b0: Array
-    b1: Array
-    e: Array
-    e_held: Array
-    c: Array
-    n: int
-    ts: float
-
-
-def design_plant(rig: RigModel, model: Impedance) -> DesignPlant:
-    """Put rig, environment and momentum error together, eq. (3.53)."""
-    cat = newmark_state_space(model)
-    n = model.n
-    nx = 3 * n + 3
-    wire = slice(2, 2 + 3 * n)
-    a = np.zeros((nx, nx))
-    a[:2, :2] = rig.a
-    a[wire, wire] = cat.a
-    a[-1, -1] = 1.0
-    b0 = np.zeros((nx, 2))
-    b0[:2, 0] = rig.b0
-    b0[wire, 1] = cat.b
-    b0[-1, 1] = -model.ts
-    b1 = np.zeros(nx)
-    b1[:2] = rig.b1
-    e = np.zeros(nx)
-    e[wire] = cat.b
-    e_held = np.zeros((nx, n))
-    e_held[wire] = cat.b_force
-    c = np.zeros((3, nx))
-    c[:2, :2] = np.eye(2)
-    c[:2, wire] = -cat.c
-    c[2, -1] = 1.0
-    return DesignPlant(a=a, b0=b0, b1=b1, e=e, e_held=e_held, c=c, n=n, ts=model.ts)

@@ -1,87 +1,97 @@
-"""The quadratic program of one cycle: created once, updated and warm-started, deterministic."""
+"""The quadratic program of one cycle: set up once, warm-started from the active set before, deterministic."""
 
 from __future__ import annotations
 
+import daqp
 import numpy as np
 
 from impedance_mpc.plant import Array
-from impedance_mpc.portable_proxqp import proxqp
 
 SOLVED = 0
-"""Solved to the tolerance."""
-MAX_ITERATIONS = 1
-"""Iterations ran out, the last iterate is feasible to ``ACCEPTED`` and may be used."""
+"""Solved."""
 FAILED = 2
-"""No usable solution: not solved, not feasible, or not finite."""
+"""No usable solution: infeasible, out of iterations, or not finite."""
 
-ACCEPTED = 1e-2
-"""mm, mm/s, N: violation of a constraint up to which an iterate that was cut short is used (clipped to its box)."""
+_SOFT = 8
+"""DAQP's mark of a constraint that may be violated at a cost."""
 
 
 class QuadraticProgram:
-    """min 1/2 z' H z + g' z subject to l <= C z <= u and l_box <= z <= u_box, by ProxQP (dense, proximal AL).
+    """min 1/2 z' H z + g' z subject to l <= C z <= u and l_box <= z <= u_box, by DAQP (dense, dual active set).
 
-    ``hessian`` (nz, nz), ``rows`` C (m, nz), ``tolerance`` absolute on both residuals, ``iterations`` the cap on the
-    outer and on the inner iterations. The number of iterations decides when it stops, never a clock. Each call of
-    :meth:`solve` starts from the result of the one before; after a failure the solver starts afresh.
+    ``hessian`` (nz, nz), ``rows`` C (m, nz), ``tolerance`` is the largest violation of a constraint, ``iterations``
+    the cap on changes of the active set; their number decides when it stops, never a clock. Each call of
+    :meth:`solve` starts from the active set of the one before and keeps its factors; after a failure it starts afresh.
+    The solution is exact up to rounding whatever the start.
+
+    ``softness`` (m,) makes a row soft where it is positive: it may be violated by s at the cost of 1/2 softness s^2
+    (per side, in the units of the row). Needs no slack variables: in the dual it adds 1 / softness to the diagonal.
+
+    Arnstrom, Bemporad, Axehill: A dual active-set solver for embedded quadratic programming using recursive LDL'
+    updates, IEEE Trans. Automatic Control 67 (2022) 4362-4369.
     """
 
-    def __init__(self, hessian: Array, rows: Array, tolerance: float, iterations: int) -> None:
-        self.hessian, self.rows = hessian, rows
-        self.tolerance, self.max_iterations = tolerance, iterations
-        self.z: Array = np.zeros(hessian.shape[0])
+    def __init__(
+        self, hessian: Array, rows: Array, tolerance: float, iterations: int, softness: Array | None = None
+    ) -> None:
+        self.hessian, self.rows = np.ascontiguousarray(hessian), np.ascontiguousarray(rows)
+        self.tolerance, self.max_iterations, self.softness = tolerance, iterations, softness
+        self._size = size = hessian.shape[0]
+        self.z: Array = np.zeros(size)
         self.iterations = 0
-        self._fresh = True
-        self._create()
-
-    def _create(self) -> None:
-        size, constraints = self.hessian.shape[0], self.rows.shape[0]
-        qp = proxqp.dense.QP(size, 0, constraints, True)
-        settings = qp.settings
-        settings.eps_abs, settings.eps_rel = self.tolerance, 0.0
-        settings.max_iter = settings.max_iter_in = self.max_iterations
-        # The program always has a solution; where many bounds are active at once the test for infeasibility (1e-4 by
-        # default) would stop it wrongly.
-        settings.eps_primal_inf = settings.eps_dual_inf = 1e-14
-        settings.compute_timings = False
-        settings.verbose = False
-        settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-        self._qp = qp
+        # The solver keeps pointers to these: filled in place, never replaced. The box comes first, as it wants it.
+        self._g: Array = np.zeros(size)
+        self._lower: Array = np.zeros(size + rows.shape[0])
+        self._upper: Array = np.zeros(size + rows.shape[0])
+        self._box_lower, self._row_lower = self._lower[:size], self._lower[size:]
+        self._box_upper, self._row_upper = self._upper[:size], self._upper[size:]
         self._fresh = True
 
     def reset(self) -> None:
         """Forget all earlier solutions: the next run repeats the first one to the last bit."""
-        self._create()
+        self._fresh = True
         self.z[:] = 0.0
         self.iterations = 0
 
-    def solve(self, g: Array, lower: Array, upper: Array, box_lower: Array, box_upper: Array) -> int:
-        """Solve for gradient ``g`` and bounds; the solution is in :attr:`z`; give SOLVED, MAX_ITERATIONS or FAILED.
+    def _create(self) -> bool:
+        model = daqp.Model()
+        # The Hessian is positive definite (weights of the moves): no proximal iterations.
+        model.settings = {"primal_tol": self.tolerance, "iter_limit": self.max_iterations, "eps_prox": 0.0}
+        sense = np.zeros(self._lower.size, dtype=np.intc)
+        soft = None if self.softness is None else self.softness > 0.0
+        if soft is not None:
+            sense[self._size :][soft] = _SOFT
+        flag, _ = model.setup(self.hessian, self._g, self.rows, self._upper, self._lower, sense)
+        if soft is not None and self.softness is not None:
+            reciprocal = np.zeros(self._lower.size)
+            reciprocal[self._size :][soft] = 1.0 / self.softness[soft]
+            model.soft_weights(rho_l=reciprocal, rho_u=reciprocal)
+        self._model = model
+        self._fresh = False
+        return flag >= 0
 
-        A FAILED call leaves :attr:`z` as it was.
+    def solve(self, g: Array, lower: Array, upper: Array, box_lower: Array, box_upper: Array) -> int:
+        """Solve for gradient ``g`` and bounds; the solution is in :attr:`z`; give SOLVED or FAILED.
+
+        A FAILED call leaves :attr:`z` as it was. Bounds must not be NaN (a NaN gradient fails, a NaN bound is
+        taken for none).
         """
-        qp = self._qp
+        self._g[:] = g
+        self._box_lower[:], self._row_lower[:] = box_lower, lower
+        self._box_upper[:], self._row_upper[:] = box_upper, upper
         if self._fresh:
-            qp.init(self.hessian, g, None, None, self.rows, lower, upper, box_lower, box_upper)
-            self._fresh = False
+            if not self._create():
+                return self._fail()
         else:
-            qp.update(g=g, l=lower, u=upper, l_box=box_lower, u_box=box_upper)
-        qp.solve()
-        info = qp.results.info
-        self.iterations = int(info.iter)
-        found = qp.results.x
-        # A sum is finite only if every entry is.
-        if not np.isfinite(found.sum()):
-            return self._fail()
-        if info.status == proxqp.PROXQP_SOLVED:
-            status = SOLVED
-        elif info.status == proxqp.PROXQP_MAX_ITER_REACHED and info.pri_res <= ACCEPTED:
-            status = MAX_ITERATIONS
-        else:
+            self._model.update(f=self._g, bupper=self._upper, blower=self._lower)
+        found, _, flag, info = self._model.solve()
+        self.iterations = info["iterations"]
+        # A sum is finite only if every entry is. 1: optimal, 2: optimal with a soft row violated.
+        if flag < 1 or not np.isfinite(found.sum()):
             return self._fail()
         self.z[:] = found
-        return status
+        return SOLVED
 
     def _fail(self) -> int:
-        self._create()
+        self._fresh = True
         return FAILED

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from impedance_mpc.controller import Command, ImpedanceController
+from impedance_mpc.controller import Command, EnvironmentReading, ImpedanceController, RigReading
 from impedance_mpc.plant import Impedance, pt2_rig
 
 Array = NDArray[np.float64]
@@ -25,6 +25,7 @@ class Environment(Protocol):
     impedance: Impedance
     w: float
     v: float
+    force: float
 
     def segment(self) -> tuple[Array, Array, Array, Array]:
         """q, q', q'', f_held of the reduced model."""
@@ -42,6 +43,7 @@ class MassSpringDamper:
             np.array([[mass]]), np.array([[damping]]), np.array([[stiffness]]), one, one, TS, 0.25, 0.5
         )
         self.x = np.zeros(3)
+        self.force = 0.0
 
     @property
     def w(self) -> float:
@@ -64,6 +66,7 @@ class MassSpringDamper:
         q_free, v_free = q + TS * v + TS**2 * 0.25 * a, v + TS * 0.5 * a
         new = (force - d * v_free - k * q_free) / (m + 0.5 * TS * d + 0.25 * TS**2 * k)
         self.x[:] = q_free + TS**2 * 0.25 * new, v_free + TS * 0.5 * new, new
+        self.force = force
 
 
 class MovingString:
@@ -187,7 +190,7 @@ class Rig:
         self.static, self.contact, self.time = 150.0, contact, 0.0
         self.noise, self.random = noise, np.random.default_rng(seed)
         self.pole = math.exp(-2.0 * math.pi * low_pass * dt)
-        self.filtered, self.work = 0.0, 0.0
+        self.filtered, self.work, self.impulse = 0.0, 0.0, 0.0
 
     def step(self, u: float, u_next: float) -> float:
         """Go from t_k to t_(k+1); give the measured contact force there."""
@@ -197,11 +200,29 @@ class Rig:
             self.panto = self.a @ self.panto + self.b @ np.array([static, force])
             r0, r1 = u + (u_next - u) * i / INNER, u + (u_next - u) * (i + 1) / INNER
             self.work += self.dt * force * float(self.x[1])
+            self.impulse += self.dt * force
             self.x = self.drive.a @ self.x + self.drive.b0 * r0 + self.drive.b1 * r1
             self.time += self.dt
             force = max(0.0, self.contact * (self.panto[2] - self.x[0]))
             self.filtered += (1.0 - self.pole) * (force - self.filtered)
         return self.filtered + self.noise * float(self.random.standard_normal())
+
+
+def random_impedance(n: int, seed: int = 0, compliance: float = 0.0) -> Impedance:
+    """A model without any structure that could hide a mistake."""
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(n, n))
+    return Impedance(
+        mass=half @ half.T + n * np.eye(n),
+        damping=10.0 * rng.normal(size=(n, n)) + 60.0 * np.eye(n),
+        stiffness=2e3 * (half @ half.T + n * np.eye(n)) + 100.0 * rng.normal(size=(n, n)),
+        input=rng.normal(size=n),
+        output=rng.normal(size=n),
+        ts=TS,
+        newmark_beta=0.255,
+        newmark_gamma=0.525,
+        compliance=compliance,
+    )
 
 
 @dataclass
@@ -217,6 +238,7 @@ class Ride:
     delta_e: Array
     delta_p: Array
     u_tr: Array
+    delta_work: Array
     exchanged: float
     status: list[int] = field(default_factory=list)
     iterations: list[int] = field(default_factory=list)
@@ -230,6 +252,8 @@ class Ride:
             "vel_mm_s": float(np.sqrt(np.mean(ev**2))),
             "dE_end_%": 100.0 * abs(float(self.delta_e[-1])) / self.exchanged,
             "dE_rms_%": 100.0 * float(np.sqrt(np.mean(self.delta_e[skip:] ** 2))) / self.exchanged,
+            "dW_end_%": 100.0 * abs(float(self.delta_work[-1])) / self.exchanged,
+            "dW_rms_%": 100.0 * float(np.sqrt(np.mean(self.delta_work[skip:] ** 2))) / self.exchanged,
             "exch_J": self.exchanged,
             "dp_max": float(np.abs(self.delta_p).max()),
             "Fcor_rms": float(np.sqrt(np.mean(self.f_cor**2))),
@@ -253,18 +277,24 @@ def ride(
 ) -> Ride:
     """Run the loop rig -> controller -> rig with the environment beside it."""
     rig = Rig(frequency, damping, noise, low_pass, seed, contact)
-    log = np.zeros((cycles, 9))
-    f_tr = 0.0
+    log = np.zeros((cycles, 10))
+    f_tr = work = impulse = 0.0
     record = Ride(*log.T, exchanged=0.0)
     for k in range(cycles):
         w_tr, v_tr = float(rig.x[0]), float(rig.x[1])
         w_cat, v_cat = environment.w, environment.v
-        out: Command = controller.command(w_tr, v_tr, f_tr, *environment.segment(), w_cat, v_cat)
+        out: Command = controller.command(
+            RigReading(w_tr, v_tr, f_tr, math.nan, rig.work, rig.impulse),
+            EnvironmentReading(*environment.segment(), w_cat, v_cat, environment.force, work, impulse),
+        )
         books = controller.books
-        log[k] = w_tr, w_cat, v_tr, v_cat, f_tr, out.f_cor, books.delta_e, books.delta_p, out.u_tr
+        log[k] = w_tr, w_cat, v_tr, v_cat, f_tr, out.f_cor, books.delta_e, books.delta_p, out.u_tr, books.delta_work
         record.status.append(out.status)
         record.iterations.append(out.iterations)
+        before, w_before = environment.force, environment.w
         environment.step(out.f_cat)
+        work += 0.5 * (before + out.f_cat) * (environment.w - w_before)
+        impulse += 0.5 * TS * (before + out.f_cat)
         f_tr = rig.step(out.u_tr, out.u_tr_next)
     record.exchanged = controller.books.exchanged_energy
     return record

@@ -12,6 +12,7 @@ from impedance_mpc.correction import (
     CAPPED,
     DEAD_ZONE,
     PROJECTED,
+    SETTLED,
     CorrectionRule,
     bounds,
     decay_interval,
@@ -148,10 +149,10 @@ def test_senseless_rules_are_refused(bad):
     )
 )
 def test_books_are_the_sums_of_the_thesis(cycles):
-    """(3.46) and (3.47) with exact summation beside it; 1e-9 covers 40 roundings of values up to a few J."""
+    """(3.46) and (3.47), F_cat = F_tr + F_cor, against exact summation; 1e-9 covers 40 roundings of a few J."""
     books = Books(TS)
-    for cycle in cycles:
-        books.add(*cycle)
+    for f, v, c, w in cycles:
+        books.add(f, v, f + c, w)
     e_tr = math.fsum(TS * f * v for f, v, _, _ in cycles)
     e_cat = math.fsum(TS * (f + c) * w for f, _, c, w in cycles)
     assert books.delta_e == pytest.approx(e_tr - e_cat, abs=1e-9)
@@ -160,3 +161,25 @@ def test_books_are_the_sums_of_the_thesis(cycles):
     assert books.exchanged_momentum == pytest.approx(math.fsum(TS * abs(f) for f, _, _, _ in cycles), abs=1e-9)
     books.clear()
     assert books == Books(TS)
+
+
+def test_accumulated_work_counts_only_while_the_rig_follows():
+    """Readings are sums since the ride's start; what came about while nobody followed is left out."""
+    books = Books(TS)
+    books.accumulate(5.0, 4.0, 50.0, 40.0)
+    assert (books.work_tr, books.impulse_cat) == (0.0, 0.0)
+    books.accumulate(6.0, 4.5, 52.0, 41.0)
+    books.accumulate(16.0, 44.5, 152.0, 441.0, counted=False)
+    books.accumulate(16.5, 44.75, 153.0, 443.0)
+    assert (books.delta_work, books.delta_impulse) == (1.5 - 0.75, 3.0 - 3.0)
+    books.forget()
+    books.accumulate(0.0, 0.0, 0.0, 0.0)
+    assert (books.work_tr, books.work_cat) == (1.5, 0.75)
+
+
+def test_an_error_within_its_tolerance_is_left_alone():
+    """Noise of the books must not be chased: the window alone bounds the force, on either side of zero."""
+    rule = CorrectionRule(0.98, 10.0, 0.03, 4.0, tolerance=0.01)
+    for delta_e in (0.0099, -0.0099):
+        assert bounds(rule, delta_e, 0.2, 0.2, 100.0, 0.0, TS) == (-4.0, 4.0, SETTLED)
+    assert bounds(rule, 0.0101, 0.2, 0.2, 100.0, 0.0, TS)[2] != SETTLED

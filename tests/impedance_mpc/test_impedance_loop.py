@@ -7,9 +7,13 @@ from impedance_mpc.controller import ImpedanceController
 from impedance_mpc.parameters import Parameters
 from phil_node.parameters import build, defaults
 
+SCHEMES = {True: "integrated_with_correction", False: "integrated"}
+
 
 def run(environment, cycles, noise=0.0, frequency=40.0, **changes):
-    config = build(Parameters, {**defaults("impedance_mpc"), **changes})
+    measured = {"forecast.stiffness": 3e4, "forecast.head_mass": 7.5}
+    measured |= {"rig_natural_frequency_hz": 40.0, "rig_damping_ratio": 0.8, "rig_delay": 0.0}
+    config = build(Parameters, {**defaults("impedance_mpc"), **measured, **changes})
     controller = ImpedanceController(config, environment.impedance)
     return ride(controller, environment, cycles, noise=noise, frequency=frequency)
 
@@ -23,7 +27,7 @@ def test_mass_spring_damper_is_emulated():
 
 @pytest.fixture(scope="module")
 def rides():
-    return {on: run(MovingString(), 2500, noise=1.0, correction=on).summary() for on in (True, False)}
+    return {on: run(MovingString(), 2500, noise=1.0, control=SCHEMES[on]).summary() for on in (True, False)}
 
 
 def test_moving_string_is_tracked_under_noise(rides):
@@ -34,20 +38,23 @@ def test_moving_string_is_tracked_under_noise(rides):
 
 
 def test_correction_keeps_the_energy_error_small_with_a_small_force(rides):
-    """Below 0.05 % of the energy exchanged and below the run without it; force and momentum error stay small."""
+    """Below 0.1 % of the energy exchanged, half of which the tolerance of 0.01 J is in this short run.
+
+    And below the run without it; force and momentum error stay small.
+    """
     on, off = rides[True], rides[False]
-    assert on["dE_end_%"] < 0.05
-    assert on["dE_rms_%"] < 0.6 * off["dE_rms_%"]
+    assert on["dW_end_%"] < 0.1
+    assert on["dW_rms_%"] < 0.6 * off["dW_rms_%"]
     assert on["Fcor_rms"] < 3.0
     assert on["dp_max"] < 3.0  # N s of about 700 exchanged
-    assert off["dp_max"] == 0.0
+    assert off["dp_max"] < 0.1  # what the forecast of the force was wrong by
 
 
 def test_correction_mends_the_energy_of_a_rig_that_is_not_as_identified():
     """Rig at 30 Hz, model at 40 Hz: without the force the error is several times the 0.3 % that is the goal with it."""
-    found = {on: run(MovingString(), 2000, frequency=30.0, correction=on).summary() for on in (True, False)}
-    assert found[True]["dE_end_%"] < 0.3
-    assert found[True]["dE_end_%"] < 0.3 * found[False]["dE_end_%"]
+    found = {on: run(MovingString(), 2000, frequency=30.0, control=SCHEMES[on]).summary() for on in (True, False)}
+    assert found[True]["dW_end_%"] < 0.3
+    assert found[True]["dW_end_%"] < 0.3 * found[False]["dW_end_%"]
     assert found[True]["pos_mm"] < 0.3
 
 

@@ -45,7 +45,7 @@ def model_message(ts=TS):
 
 
 def rig_state(k, **changes):
-    message = RigState(cycle=k, f_tr=50.0 + k, v_tr=0.1, **changes)
+    message = RigState(cycle=k, f_tr=50.0 + k, v_tr=0.1, **{"mode": RigState.MODE_TRACKING, **changes})
     message.header.stamp.nanosec = 2_000_000 * k
     return message
 
@@ -159,7 +159,7 @@ def test_reset_starts_at_cycle_zero_and_correction_is_switched_by_service(bench)
     cycle(1, 2)
     answer = ask(bench, SetBool, "impedance_mpc/set_correction", SetBool.Request(data=False))
     assert answer.success
-    assert bench.node.get_parameter("correction").value is False
+    assert bench.node.get_parameter("control").value == "integrated"
     cycle(2, 3)
     assert bench.commands[-1].correction == ImpedanceCommand.CORRECTION_OFF
     assert ask(bench, SetBool, "impedance_mpc/set_correction", SetBool.Request(data=True)).success
@@ -182,3 +182,40 @@ def test_without_a_model_configure_fails_and_a_later_one_is_taken(bench):
     bench.latched.publish(model_message())
     bench.spin(seconds=0.1)
     bench.go(configure=False)
+
+
+def test_environment_is_switched_by_parameter_and_the_catenary_keeps_the_contact_force(bench):
+    bench.go()
+
+    def cycle(k, **changes):
+        bench.rig.publish(rig_state(k, **changes))
+        bench.catenary.publish(catenary_state(k, w=0.03))
+        bench.spin(lambda: len(bench.commands) == k + 1, 5.0)
+        return bench.commands[-1]
+
+    assert cycle(0).environment == ImpedanceCommand.ENVIRONMENT_CATENARY
+    assert bench.commands[-1].w_env == 0.03
+    refused = bench.node.set_parameters([rclpy.Parameter("environment", value="jelly")])[0]
+    assert not refused.successful and "mass_spring_damper" in refused.reason
+    chosen = rclpy.Parameter("environment", value="mass_spring_damper")
+    assert bench.node.set_parameters([chosen])[0].successful
+    first = cycle(1)
+    assert first.environment == ImpedanceCommand.ENVIRONMENT_MASS_SPRING_DAMPER
+    assert (first.w_env, first.v_env) == (0.03, 0.0)  # it begins where the wire is
+    for k in range(2, 20):
+        last = cycle(k)
+    assert abs(last.w_env - 0.03) > 1e-5  # and goes on by itself: the wire stands at 0.03
+    assert last.f_cat == last.f_predicted
+    assert bench.node.diagnose().values["environment"] == "mass_spring_damper"
+
+
+def test_a_rig_that_does_not_follow_is_not_booked(bench):
+    bench.go()
+    modes = [RigState.MODE_HOLD, RigState.MODE_TRACKING, RigState.MODE_BRIDGING, RigState.MODE_HOLDING]
+    modes += [RigState.MODE_POSITION, RigState.MODE_APPROACHING, RigState.MODE_LANDING, RigState.MODE_RETRACTING]
+    for k, mode in enumerate([*modes, RigState.MODE_STOPPED, RigState.MODE_TRACKING, RigState.MODE_HOLD]):
+        bench.rig.publish(rig_state(k, mode=mode))
+        bench.catenary.publish(catenary_state(k))
+    bench.spin(lambda: len(bench.commands) == 11 and len(bench.books) == 2, 5.0)
+    assert bench.books[1].p_tr == pytest.approx(sum(TS * (50.0 + k) for k in (1, 2, 3, 9)))
+    assert all(c.f_cor == 0.0 for c, k in zip(bench.commands, range(11), strict=True) if k not in (1, 2, 3, 9))

@@ -149,11 +149,11 @@ def test_the_node_counts_strays_and_warns_of_them():
         _take_rig, _take_catenary = ImpedanceNode._take_rig, ImpedanceNode._take_catenary
         _refuse, _answer_all, diagnose = ImpedanceNode._refuse, ImpedanceNode._answer_all, ImpedanceNode.diagnose
 
-    books = SimpleNamespace(delta_e=0.0, exchanged_energy=0.0, delta_p=0.0)
+    books = SimpleNamespace(delta_e=0.0, delta_work=0.0, exchanged_energy=0.0, delta_p=0.0)
     result = SimpleNamespace(correction=0, f_cor=0.0, iterations=1, fallbacks=0)
     empty = [np.zeros(0)] * 4
-    controller = SimpleNamespace(books=books, result=result)
-    node = Node(controller=controller, pairs=CyclePairs(), timing=Timing(), segment=empty)
+    switch = SimpleNamespace(books=books, result=result, active=0)
+    node = Node(switch=switch, pairs=CyclePairs(), timing=Timing(), segment=empty)
     node.unusable = node.fallbacks_reported = 0
     assert node.diagnose().level == DiagnosticStatus.OK
     node._take_rig(RigState(cycle=10**9))
