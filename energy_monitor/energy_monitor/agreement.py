@@ -20,17 +20,22 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of a book: cycle number, dE in J, dp in N s, exchanged energy in J and momentum in N s."""
+    """One line of both books: cycle number; dE (J) and dp (N s) by sums and as accumulated; what was exchanged."""
 
     cycle: int
     delta_e: float
     delta_p: float
+    delta_work: float
+    delta_impulse: float
     exchanged_energy: float
     exchanged_momentum: float
 
 
 class Agreement:
-    """Compares the monitor's books with those of another node, cycle by cycle, whichever comes first."""
+    """Compares the monitor's books with those of another node, cycle by cycle, whichever comes first.
+
+    Both books of energy have to fit, and both of momentum; what is kept is the larger difference of the two.
+    """
 
     def __init__(self, tolerance: Tolerance) -> None:
         """Start with nothing compared."""
@@ -40,6 +45,8 @@ class Agreement:
     def clear(self) -> None:
         """Forget the ride."""
         self.compared = 0
+        self.closed_at: int | None = None
+        """Cycle from which on the other node's book is about something else."""
         self.disagreements = 0
         self.first_disagreement: int | None = None
         self.energy_difference = 0.0
@@ -58,12 +65,19 @@ class Agreement:
         """Take an entry of the other node's book."""
         self._take(entry, self._theirs, self._ours, swap=True)
 
+    def close(self, cycle: int) -> None:
+        """Compare nothing from this cycle on: the other book goes on with another environment than the catenary."""
+        if self.closed_at is None:
+            self.closed_at = cycle
+
     @property
     def agrees(self) -> bool:
         """True as long as no compared pair differed by more than the tolerance."""
         return self.disagreements == 0
 
     def _take(self, entry: Entry, mine: list[Entry | None], others: list[Entry | None], *, swap: bool) -> None:
+        if self.closed_at is not None and entry.cycle >= self.closed_at:
+            return
         # The ring is searched rather than indexed: the books are decimated by a number that is the sender's business.
         for place, other in enumerate(others):
             if other is not None and other.cycle == entry.cycle:
@@ -78,8 +92,8 @@ class Agreement:
 
     def _compare(self, ours: Entry, theirs: Entry) -> None:
         tolerance = self.tolerance
-        energy = abs(ours.delta_e - theirs.delta_e)
-        momentum = abs(ours.delta_p - theirs.delta_p)
+        energy = max(abs(ours.delta_e - theirs.delta_e), abs(ours.delta_work - theirs.delta_work))
+        momentum = max(abs(ours.delta_p - theirs.delta_p), abs(ours.delta_impulse - theirs.delta_impulse))
         self.compared += 1
         self.energy_difference, self.momentum_difference = energy, momentum
         self.worst_energy = max(self.worst_energy, energy)
@@ -97,8 +111,9 @@ class Agreement:
 class SampleTrace:
     """Follows the force through the loop: nobody may work with a sample of another cycle unknowingly.
 
-    The command must carry the rig's F_tr of its own cycle, its F_cat must be F_tr + F_cor (3.45), and the catenary must
-    have been driven by the F_cat of the command of the cycle before. Each cycle that breaks one of these is counted.
+    The command must carry the rig's F_tr of its own cycle, its F_cat must be the force predicted for the next instant
+    plus F_cor (3.45), and the force on the catenary must be the F_cat of the command of the cycle before. Each cycle
+    that breaks one of these is counted.
     """
 
     def __init__(self) -> None:
@@ -113,14 +128,16 @@ class SampleTrace:
         self._cycle = -1
         self._f_cat = 0.0
 
-    def add(self, cycle: int, rig_f_tr: float, command: tuple[float, float, float], catenary_f_cat: float) -> bool:
-        """Check cycle k: F_tr of the rig, F_tr, F_cor, F_cat of the command, F_cat that the catenary felt, in N."""
-        f_tr, f_cor, f_cat = command
+    def add(
+        self, cycle: int, rig_f_tr: float, command: tuple[float, float, float, float], catenary_f_cat: float
+    ) -> bool:
+        """Check cycle k, in N: F_tr of the rig; F_tr, forecast, F_cor, F_cat of the command; F_cat on the wire."""
+        f_tr, f_predicted, f_cor, f_cat = command
         reason = ""
         if not same(f_tr, rig_f_tr):
             reason = "the command was computed from another force than the rig's"
-        elif not same(f_cat, f_tr + f_cor):
-            reason = "f_cat is not f_tr + f_cor"
+        elif not same(f_cat, f_predicted + f_cor):
+            reason = "f_cat is not f_predicted + f_cor"
         elif self._cycle == cycle - 1 and cycle > 0 and not same(catenary_f_cat, self._f_cat):
             reason = "the catenary felt another force than the command's"
         self._cycle, self._f_cat = cycle, f_cat

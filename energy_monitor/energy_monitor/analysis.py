@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from energy_monitor.bag import Bag
-from energy_monitor.books import BooksHistory, books_of
+from energy_monitor.books import accumulated_of, books_of
 from energy_monitor.contact_quality import low_passed, run_in_cycles
 from energy_monitor.report import comparison, nodes
 from energy_monitor.report.alignment import Aligned, align, cycle_time
@@ -81,10 +81,10 @@ def analyse(
             "position, energy and force are not judged."
         )
         series = _series(bag, aligned, ts, _without_run_in(settings))
-    force = contact_force(series, settings)
+    force = contact_force(series, settings, prediction_error(aligned, series.evaluated))
     track = tracking(series, ts)
-    conservation = conserved(series, aligned, ts)
-    agreement = comparison.books(series, bag)
+    conservation = conserved(series)
+    agreement = comparison.books(series, bag, nodes.left_the_catenary(aligned))
     quality = comparison.contact_quality(series, bag, ts, settings.loss_threshold, settings.cutoff, settings.order)
     ride = _ride(bag, aligned, ts, speed, series)
     return Report(
@@ -174,8 +174,11 @@ def lag(leader: Floats, follower: Floats, ts: float, window: float = LAG_WINDOW)
     return float((best - n + shift) * ts), float(min(peak, 1.0))
 
 
-def contact_force(series: Series, settings: Settings) -> ContactForce:
-    """Give the statistics of EN 50317: force low-passed at 20 Hz after the run-in, loss by the measured force."""
+def contact_force(series: Series, settings: Settings, prediction: float | None = None) -> ContactForce:
+    """Give the statistics of EN 50317: force low-passed at 20 Hz after the run-in, loss by the measured force.
+
+    `prediction` is the rms error of the force that was predicted, N.
+    """
     used = series.evaluated
     force, filtered = series.f_tr[used], series.f_filtered[used]
     mean, sigma = float(filtered.mean()), float(filtered.std())
@@ -193,7 +196,15 @@ def contact_force(series: Series, settings: Settings) -> ContactForce:
         losses=int(lost[0]) + int(np.count_nonzero(lost[1:] & ~lost[:-1])),
         raw_minimum=float(series.f_raw[used].min()),
         raw_maximum=float(series.f_raw[used].max()),
+        prediction_error=prediction,
     )
+
+
+def prediction_error(aligned: Aligned, used: NDArray[np.bool_]) -> float | None:
+    """Hold the force predicted in cycle k against the F_tr(k+1) that came; rms in N, None if no two cycles follow."""
+    came, said = aligned.rig.real("f_tr")[1:], aligned.command.real("f_predicted")[:-1]
+    successive = (np.diff(aligned.cycle) == 1) & used[:-1]
+    return rms(came[successive] - said[successive]) if successive.any() else None
 
 
 def spectrum(force: Floats, ts: float) -> tuple[Floats, Floats]:
@@ -205,33 +216,45 @@ def spectrum(force: Floats, ts: float) -> tuple[Floats, Floats]:
     return np.asarray(frequency[1:], np.float64), np.asarray(density[1:], np.float64)
 
 
-def conserved(series: Series, aligned: Aligned, ts: float) -> Conservation:
-    """Sum up energy and momentum on both sides, eqs. (3.46) and (3.47), and compare with the rig's own work."""
-    books = _books(aligned, ts)
-    delta_e, delta_p = books.delta_e, books.delta_p
-    energy, momentum = float(books.exchanged_energy[-1]), float(books.exchanged_momentum[-1])
-    used = series.evaluated
-    running = np.abs(delta_e[used])
-    exchanged = books.exchanged_energy[used]
-    # The work counts up to t_k, the sum with cycle k goes on to t_(k+1): shift by one cycle.
-    difference = float(books.e_tr[-2] - (series.work[-1] - series.work[0])) if len(delta_e) > 1 else 0.0
+def conserved(series: Series) -> Conservation:
+    """Draw up both books: sums, eqs. (3.46) and (3.47), and accumulated work and impulse."""
+    energy, momentum = float(series.exchanged_energy[-1]), float(series.exchanged_momentum[-1])
+    exchanged = series.exchanged_energy[series.evaluated]
+
+    def most(values: Floats) -> float:
+        return float(np.abs(values).max())
+
+    def running(values: Floats) -> float | None:
+        return float((np.abs(values[series.evaluated]) / exchanged).max()) if exchanged.min() > 0.0 else None
+
     return Conservation(
-        e_tr=float(books.e_tr[-1]),
-        e_cat=float(books.e_cat[-1]),
-        delta_e=float(delta_e[-1]),
-        delta_e_max=float(np.abs(delta_e).max()),
+        e_tr=float(series.e_tr[-1]),
+        e_cat=float(series.e_cat[-1]),
+        delta_e=float(series.delta_e[-1]),
+        delta_e_max=most(series.delta_e),
+        work_tr=float(series.work_tr[-1]),
+        work_cat=float(series.work_cat[-1]),
+        delta_work=float(series.delta_work[-1]),
+        delta_work_max=most(series.delta_work),
         exchanged_energy=energy,
-        delta_e_share=_share(abs(float(delta_e[-1])), energy),
-        delta_e_max_share=_share(float(np.abs(delta_e).max()), energy),
-        delta_e_running_share=float((running / exchanged).max()) if exchanged.min() > 0.0 else None,
-        p_tr=float(books.p_tr[-1]),
-        p_cat=float(books.p_cat[-1]),
-        delta_p=float(delta_p[-1]),
-        delta_p_max=float(np.abs(delta_p).max()),
+        delta_e_share=_share(abs(float(series.delta_e[-1])), energy),
+        delta_e_max_share=_share(most(series.delta_e), energy),
+        delta_e_running_share=running(series.delta_e),
+        delta_work_max_share=_share(most(series.delta_work), energy),
+        delta_work_running_share=running(series.delta_work),
+        p_tr=float(series.p_tr[-1]),
+        p_cat=float(series.p_cat[-1]),
+        delta_p=float(series.delta_p[-1]),
+        delta_p_max=most(series.delta_p),
+        impulse_tr=float(series.impulse_tr[-1]),
+        impulse_cat=float(series.impulse_cat[-1]),
+        delta_impulse=float(series.delta_impulse[-1]),
+        delta_impulse_max=most(series.delta_impulse),
         exchanged_momentum=momentum,
-        delta_p_share=_share(abs(float(delta_p[-1])), momentum),
-        work_tr=float(series.work[-1] - series.work[0]),
-        work_difference=difference,
+        delta_p_share=_share(abs(float(series.delta_p[-1])), momentum),
+        delta_p_max_share=_share(most(series.delta_p), momentum),
+        delta_impulse_max_share=_share(most(series.delta_impulse), momentum),
+        work_difference=float(series.e_tr[-1] - series.work_tr[-1]),
     )
 
 
@@ -265,11 +288,6 @@ def _share(part: float, whole: float) -> float | None:
     return part / whole if whole > 0.0 else None
 
 
-def _books(aligned: Aligned, ts: float) -> BooksHistory:
-    rig, command, catenary = aligned.rig, aligned.command, aligned.catenary
-    return books_of(rig.real("f_tr"), rig.real("v_tr"), command.real("f_cat"), catenary.real("v_cat"), ts)
-
-
 def _without_run_in(settings: Settings) -> Settings:
     return Settings(0.0, settings.loss_threshold, settings.cutoff, settings.order)
 
@@ -277,10 +295,15 @@ def _without_run_in(settings: Settings) -> Settings:
 def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series:
     rig, catenary, command = aligned.rig, aligned.catenary, aligned.command
     cycle = aligned.cycle
-    books = _books(aligned, ts)
+    counted = nodes.counted(aligned)
+    f_tr, v_tr = rig.real("f_tr"), rig.real("v_tr")
+    books = books_of(f_tr, v_tr, catenary.real("f_cat"), catenary.real("v_cat"), ts, counted)
+    accumulated = accumulated_of(
+        rig.real("work"), catenary.real("work"), rig.real("impulse"), catenary.real("impulse"), counted
+    )
     evaluated = cycle >= run_in_cycles(settings.run_in, ts)
     grid = np.arange(cycle[0], cycle[-1] + 1)
-    even = np.interp(grid, cycle, rig.real("f_tr"))
+    even = np.interp(grid, cycle, f_tr)
     filtered = low_passed(even, ts, settings.cutoff, settings.order)
     frequency, density = spectrum(even[grid >= cycle[evaluated][0]], ts) if evaluated.any() else (np.zeros(0),) * 2
     return Series(
@@ -288,9 +311,9 @@ def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series
         time=cycle.astype(np.float64) * ts,
         w_tr=rig.real("w_tr"),
         w_cat=catenary.real("w_cat"),
-        v_tr=rig.real("v_tr"),
+        v_tr=v_tr,
         v_cat=catenary.real("v_cat"),
-        f_tr=rig.real("f_tr"),
+        f_tr=f_tr,
         f_raw=rig.real("f_raw"),
         f_filtered=filtered[cycle - cycle[0]],
         f_cor=command.real("f_cor"),
@@ -298,13 +321,18 @@ def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series
         f_cor_upper=command.real("f_cor_upper"),
         delta_e=books.delta_e,
         delta_p=books.delta_p,
+        delta_work=accumulated.delta_work,
+        delta_impulse=accumulated.delta_impulse,
         e_tr=books.e_tr,
         e_cat=books.e_cat,
         p_tr=books.p_tr,
         p_cat=books.p_cat,
         exchanged_energy=books.exchanged_energy,
         exchanged_momentum=books.exchanged_momentum,
-        work=rig.real("work"),
+        work_tr=accumulated.work_tr,
+        work_cat=accumulated.work_cat,
+        impulse_tr=accumulated.impulse_tr,
+        impulse_cat=accumulated.impulse_cat,
         track_position=catenary.real("track_position"),
         evaluated=evaluated,
         frequency=frequency,

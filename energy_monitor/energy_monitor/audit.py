@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from energy_monitor.agreement import Agreement, Entry, SampleTrace, Tolerance
-from energy_monitor.books import Books
+from energy_monitor.books import CATENARY as OF_CATENARY
+from energy_monitor.books import FOLLOWING, Books, Meters
 from energy_monitor.contact_quality import ContactQuality
 from energy_monitor.cycles import AHEAD, Arrival, CycleMatcher, JumpFilter
 from energy_monitor.parameters import Parameters
@@ -16,27 +17,33 @@ STREAMS = ("rig", "command", "catenary")
 
 
 class RigSample(NamedTuple):
-    """What the audit needs of RigState k: F_tr in N, v_tr in m/s, work in J; ``header`` has the stamp t_k."""
+    """What the audit needs of RigState k: ``header`` has the stamp t_k, ``mode`` is one of RigState's constants."""
 
     header: Any
-    f_tr: float
-    v_tr: float
-    work: float
+    f_tr: float  # N
+    v_tr: float  # m/s
+    work: float  # J
+    impulse: float  # N s
+    mode: int
 
 
 class CommandSample(NamedTuple):
-    """What the audit needs of ImpedanceCommand k, in N."""
+    """What the audit needs of ImpedanceCommand k: forces in N, ``environment`` is one of its constants."""
 
     f_tr: float
+    f_predicted: float
     f_cor: float
     f_cat: float
+    environment: int
 
 
 class CatenarySample(NamedTuple):
-    """What the audit needs of CatenaryState k: v_cat in m/s, F_cat of the interval before in N."""
+    """What the audit needs of CatenaryState k, all at t_k."""
 
-    v_cat: float
-    f_cat: float
+    v_cat: float  # m/s
+    f_cat: float  # N
+    work: float  # J
+    impulse: float  # N s
 
 
 class Audit:
@@ -64,7 +71,6 @@ class Audit:
         self.trace.clear()
         for jumps in self._jumps:
             jumps.clear()
-        self.work = 0.0
         self.refused = 0
 
     def rig(self, cycle: int, sample: RigSample, last: bool) -> bool:
@@ -105,15 +111,30 @@ class Audit:
             rig: RigSample = matcher.payload(RIG, cycle)
             command: CommandSample = matcher.payload(COMMAND, cycle)
             catenary: CatenarySample = matcher.payload(CATENARY, cycle)
-            self.books.add(rig.f_tr, rig.v_tr, command.f_cat, catenary.v_cat)
-            self.trace.add(cycle, rig.f_tr, command, catenary.f_cat)
-            self.work = rig.work
+            of_catenary = command.environment == OF_CATENARY
+            counted = of_catenary and rig.mode in FOLLOWING
+            if counted:
+                self.books.add(rig.f_tr, rig.v_tr, catenary.f_cat, catenary.v_cat)
+            self.books.read(Meters(rig.work, catenary.work, rig.impulse, catenary.impulse), counted)
+            if not of_catenary:
+                self.agreement.close(cycle)
+            # What makes up for another environment's error is no business of the catenary.
+            f_cor = command.f_cor if of_catenary else 0.0
+            self.trace.add(cycle, rig.f_tr, command._replace(f_cor=f_cor)[:4], catenary.f_cat)
             yield cycle, rig.header
 
     def entry(self, cycle: int) -> Entry:
-        """Give the books as they are after ``cycle``."""
+        """Give both books as they are after ``cycle``."""
         books = self.books
-        return Entry(cycle, books.delta_e, books.delta_p, books.exchanged_energy, books.exchanged_momentum)
+        return Entry(
+            cycle,
+            books.delta_e,
+            books.delta_p,
+            books.delta_work,
+            books.delta_impulse,
+            books.exchanged_energy,
+            books.exchanged_momentum,
+        )
 
     def complaints(self, now: float, age_limit: float) -> list[str]:
         """Say in words what is wrong with the ride so far."""

@@ -31,16 +31,16 @@ RIDE_FIELDS: Mapping[str, tuple[str, ...]] = {
         "impulse", "late_commands",
     ),
     "CatenaryState": (
-        *_STAMP, "cycle", "w_cat", "v_cat", "a_cat", "f_cat", "track_position", "speed", "droppers",
+        *_STAMP, "cycle", "w_cat", "v_cat", "a_cat", "f_cat", "work", "impulse", "track_position", "speed", "droppers",
         "slack_droppers", "iterations",
     ),
     "ImpedanceCommand": (
-        *_STAMP, "cycle", "u_tr", "u_tr_next", "f_tr", "f_cor", "f_cat", "f_cor_lower", "f_cor_upper", "correction",
-        "status", "iterations", "fallbacks",
+        *_STAMP, "cycle", "u_tr", "u_tr_next", "f_tr", "f_predicted", "f_cor", "f_cat", "f_cor_lower", "f_cor_upper",
+        "correction", "environment", "status", "iterations", "fallbacks",
     ),
     "ConservedQuantities": (
         "cycle", "e_tr", "e_cat", "delta_e", "p_tr", "p_cat", "delta_p", "exchanged_energy", "exchanged_momentum",
-        "work_tr",
+        "work_tr", "work_cat", "delta_work", "impulse_tr", "impulse_cat",
     ),
     "ContactQuality": (
         "cycle", "samples", "force", "mean", "sigma", "minimum", "maximum", "loss_share", "losses",

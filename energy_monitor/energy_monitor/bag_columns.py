@@ -81,7 +81,10 @@ class Columns:
         known = {leaf for leaf, _ in self._flatten(channel.msgtype, "")}
         missing = [name for name in fields if name not in known]
         if missing:
-            raise BagError(f"{channel.msgtype} in this bag has no field {', '.join(missing)}: another version?")
+            raise BagError(
+                f"{channel.msgtype} in this bag has no field {', '.join(missing)}: it was recorded by another version "
+                "of the nodes, and only that version's analysis fits it"
+            )
 
     def add(self, payload: bytes) -> None:
         """Take one CDR payload."""

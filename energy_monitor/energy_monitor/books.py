@@ -1,27 +1,64 @@
 """Books of the energy and the momentum that are exchanged on both sides of the emulation, eqs. (3.46), (3.47).
 
+Two of them. The printed sums take force and velocity of both sides at one instant t_k, F_cat(k) being the force that
+acts on the wire there. The accumulated work and impulse are those that either side integrated between its samples: what
+happens there, and the delay of the loop, are in these alone. Both count the cycles in which the rig follows the
+catenary; what is exchanged while it holds, retracts or follows something else belongs to no emulation of the wire.
+
 The controller keeps its own books; these are made from the messages of the other nodes alone, so that a slip there
-shows. :class:`Books` adds one cycle at a time, :func:`books_of` does whole rides; both give the same bits because they
-add the same products in the same order.
+shows. :class:`Books` adds one cycle at a time, :func:`books_of` and :func:`accumulated_of` do whole rides; both give
+the same bits because they add the same numbers in the same order.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FOLLOWING = (1, 2, 3)
+"""Modes of RigState in which the drive follows commands: tracking, bridging, holding."""
+CATENARY = 0
+"""Environment of ImpedanceCommand of which the books are kept."""
+
+
+class Meters(NamedTuple):
+    """What rig and catenary have accumulated until t_k, since their cycle 0."""
+
+    work_tr: float
+    """J, done on the rig."""
+    work_cat: float
+    """J, done on the wire."""
+    impulse_tr: float
+    """N s, given to the rig."""
+    impulse_cat: float
+    """N s, given to the wire."""
 
 
 class Books:
-    """Running sums of (3.46) and (3.47) since cycle 0, a cycle at a time.
+    """Both books since cycle 0, a cycle at a time.
 
-    ``e_tr``, ``e_cat``, ``exchanged_energy`` in J, ``p_tr``, ``p_cat``, ``exchanged_momentum`` in N s.
+    ``e_tr``, ``e_cat``, ``exchanged_energy`` in J, ``p_tr``, ``p_cat``, ``exchanged_momentum`` in N s are the sums;
+    ``accumulated`` is what the meters of both sides counted.
     """
 
-    __slots__ = ("cycles", "e_cat", "e_tr", "exchanged_energy", "exchanged_momentum", "p_cat", "p_tr", "ts")
+    __slots__ = (
+        "_read",
+        "accumulated",
+        "cycles",
+        "e_cat",
+        "e_tr",
+        "exchanged_energy",
+        "exchanged_momentum",
+        "p_cat",
+        "p_tr",
+        "ts",
+    )
 
     def __init__(self, ts: float) -> None:
         """Open empty books for the cycle time ``ts`` in s."""
@@ -29,13 +66,15 @@ class Books:
         self.clear()
 
     def clear(self) -> None:
-        """Set every sum to zero."""
+        """Set every sum to zero and forget the meters."""
         self.cycles = 0
         self.e_tr = self.e_cat = self.exchanged_energy = 0.0
         self.p_tr = self.p_cat = self.exchanged_momentum = 0.0
+        self.accumulated = Meters(0.0, 0.0, 0.0, 0.0)
+        self._read: Meters | None = None
 
     def add(self, f_tr: float, v_tr: float, f_cat: float, v_cat: float) -> None:
-        """Enter one cycle: forces in N, velocities in m/s, all of cycle k; ``f_cat`` is F_tr + F_cor (3.45)."""
+        """Enter one cycle into the sums: forces in N, velocities in m/s, all at t_k."""
         momentum_tr = self.ts * f_tr
         momentum_cat = self.ts * f_cat
         energy_tr = momentum_tr * v_tr
@@ -47,6 +86,14 @@ class Books:
         self.exchanged_momentum += abs(momentum_tr)
         self.cycles += 1
 
+    def read(self, meters: Meters, counted: bool) -> None:
+        """Read the meters at t_k; what they went on since the last reading is entered if it is to be counted."""
+        before, self._read = self._read, meters
+        if counted and before is not None:
+            self.accumulated = Meters(
+                *(total + (new - old) for total, new, old in zip(self.accumulated, meters, before, strict=True))
+            )
+
     @property
     def delta_e(self) -> float:
         """Energy error dE in J, eq. (3.46)."""
@@ -54,13 +101,23 @@ class Books:
 
     @property
     def delta_p(self) -> float:
-        """Momentum error dp = p_tr - p_cat = -sum Ts F_cor in N s, eq. (3.47) with its sign corrected."""
+        """Momentum error dp = p_tr - p_cat in N s, eq. (3.47) with its sign corrected."""
         return self.p_tr - self.p_cat
+
+    @property
+    def delta_work(self) -> float:
+        """Energy error by the accumulated work, J."""
+        return self.accumulated.work_tr - self.accumulated.work_cat
+
+    @property
+    def delta_impulse(self) -> float:
+        """Momentum error by the accumulated impulse, N s."""
+        return self.accumulated.impulse_tr - self.accumulated.impulse_cat
 
 
 @dataclass(frozen=True)
 class BooksHistory:
-    """The books after each cycle of a ride; every array has the length of the ride, units as in :class:`Books`."""
+    """The sums after each cycle of a ride; every array has the length of the ride, units as in :class:`Books`."""
 
     e_tr: Array
     e_cat: Array
@@ -80,8 +137,30 @@ class BooksHistory:
         return self.p_tr - self.p_cat
 
 
-def books_of(f_tr: Array, v_tr: Array, f_cat: Array, v_cat: Array, ts: float) -> BooksHistory:
-    """Keep the books of a whole ride: arrays of one entry a cycle (N, m/s), ``ts`` in s.
+@dataclass(frozen=True)
+class MetersHistory:
+    """What the meters counted until each cycle of a ride; every array has the length of the ride, J and N s."""
+
+    work_tr: Array
+    work_cat: Array
+    impulse_tr: Array
+    impulse_cat: Array
+
+    @property
+    def delta_work(self) -> Array:
+        """Energy error by the accumulated work in J."""
+        return self.work_tr - self.work_cat
+
+    @property
+    def delta_impulse(self) -> Array:
+        """Momentum error by the accumulated impulse in N s."""
+        return self.impulse_tr - self.impulse_cat
+
+
+def books_of(
+    f_tr: Array, v_tr: Array, f_cat: Array, v_cat: Array, ts: float, counted: Flags | None = None
+) -> BooksHistory:
+    """Sum up a whole ride: arrays of one entry a cycle (N, m/s), ``ts`` in s; ``counted`` tells which cycles count.
 
     Raises
     ------
@@ -93,10 +172,23 @@ def books_of(f_tr: Array, v_tr: Array, f_cat: Array, v_cat: Array, ts: float) ->
     momentum_tr, momentum_cat = ts * f_tr, ts * f_cat
     energy_tr = momentum_tr * v_tr
     return BooksHistory(
-        e_tr=np.cumsum(energy_tr),
-        e_cat=np.cumsum(momentum_cat * v_cat),
-        p_tr=np.cumsum(momentum_tr),
-        p_cat=np.cumsum(momentum_cat),
-        exchanged_energy=np.cumsum(np.abs(energy_tr)),
-        exchanged_momentum=np.cumsum(np.abs(momentum_tr)),
+        e_tr=_summed(energy_tr, counted),
+        e_cat=_summed(momentum_cat * v_cat, counted),
+        p_tr=_summed(momentum_tr, counted),
+        p_cat=_summed(momentum_cat, counted),
+        exchanged_energy=_summed(np.abs(energy_tr), counted),
+        exchanged_momentum=_summed(np.abs(momentum_tr), counted),
     )
+
+
+def accumulated_of(
+    work_tr: Array, work_cat: Array, impulse_tr: Array, impulse_cat: Array, counted: Flags | None = None
+) -> MetersHistory:
+    """Count a whole ride by its meters (J, N s), one entry a cycle; the first entry is where the count begins."""
+    return MetersHistory(
+        *(_summed(np.diff(meter, prepend=meter[:1]), counted) for meter in (work_tr, work_cat, impulse_tr, impulse_cat))
+    )
+
+
+def _summed(terms: Array, counted: Flags | None) -> Array:
+    return np.asarray(np.cumsum(terms if counted is None else np.where(counted, terms, 0.0)), dtype=np.float64)

@@ -107,9 +107,15 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
             "late commands counted by the rig": str(self._late_commands),
             "dE J": f"{books.delta_e:.6g}",
             "dE share of the exchanged energy": _share(books.delta_e, books.exchanged_energy),
+            "dE by accumulated work J": f"{books.delta_work:.6g}",
+            "dE by accumulated work, share of the exchanged energy": _share(books.delta_work, books.exchanged_energy),
             "dp N s": f"{books.delta_p:.6g}",
             "dp share of the exchanged momentum": _share(books.delta_p, books.exchanged_momentum),
+            "dp by accumulated impulse N s": f"{books.delta_impulse:.6g}",
             "books compared with the controller's": str(agreement.compared),
+            "books of another environment since cycle": "-"
+            if agreement.closed_at is None
+            else str(agreement.closed_at),
             "books that disagree": str(agreement.disagreements),
             "worst difference of dE J": f"{agreement.worst_energy:.3g}",
             "worst difference of dp N s": f"{agreement.worst_momentum:.3g}",
@@ -135,11 +141,12 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
 
     def _on_rig(self, message: Any) -> None:
         self.timing.begin()
-        if not finite(message.w_tr, message.f_tr, message.v_tr, message.work):
+        f_tr, v_tr, work, impulse = message.f_tr, message.v_tr, message.work, message.impulse
+        if not finite(message.w_tr, f_tr, v_tr, work, impulse):
             self._refuse()
             return
         cycle, last = message.cycle, message.last
-        if self._audit.rig(cycle, RigSample(message.header, message.f_tr, message.v_tr, message.work), last):
+        if self._audit.rig(cycle, RigSample(message.header, f_tr, v_tr, work, impulse, message.mode), last):
             self._late_commands = message.late_commands
             if last or cycle % self.parameters.quality_decimation == 0:
                 self._publish_quality(cycle, message.header)
@@ -147,14 +154,16 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
 
     def _on_command(self, message: Any) -> None:
         self.timing.begin()
-        if not finite(message.f_tr, message.f_cor, message.f_cat):
+        forces = message.f_tr, message.f_predicted, message.f_cor, message.f_cat
+        if not finite(*forces):
             self._refuse()
             return
-        self._audit.command(message.cycle, CommandSample(message.f_tr, message.f_cor, message.f_cat))
+        self._audit.command(message.cycle, CommandSample(*forces, message.environment))
         self._settle()
 
     def _on_catenary(self, message: Any) -> None:
-        valid = finite(message.w_cat, message.v_cat, message.f_cat, message.speed)
+        shown = message.v_cat, message.f_cat, message.work, message.impulse
+        valid = finite(message.w_cat, message.speed, *shown)
         if valid and message.cycle == 0:
             self._initial = message
         if not self.active:
@@ -163,22 +172,19 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         if not valid:
             self._refuse()
             return
-        if self._audit.catenary(message.cycle, CatenarySample(message.v_cat, message.f_cat)):
+        if self._audit.catenary(message.cycle, CatenarySample(*shown)):
             self._speed = message.speed
         self._settle()
 
     def _on_believed(self, message: Any) -> None:
-        if not finite(message.delta_e, message.delta_p, message.exchanged_energy, message.exchanged_momentum):
+        meters = message.work_tr, message.work_cat, message.impulse_tr, message.impulse_cat
+        exchanged = message.exchanged_energy, message.exchanged_momentum
+        if not finite(message.delta_e, message.delta_p, message.delta_work, *meters, *exchanged):
             self._refuse()
             return
+        delta_impulse = message.impulse_tr - message.impulse_cat
         self._audit.believed(
-            Entry(
-                message.cycle,
-                message.delta_e,
-                message.delta_p,
-                message.exchanged_energy,
-                message.exchanged_momentum,
-            )
+            Entry(message.cycle, message.delta_e, message.delta_p, message.delta_work, delta_impulse, *exchanged)
         )
 
     def _refuse(self) -> None:
@@ -206,7 +212,8 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         message.p_tr, message.p_cat, message.delta_p = books.p_tr, books.p_cat, books.delta_p
         message.exchanged_energy = books.exchanged_energy
         message.exchanged_momentum = books.exchanged_momentum
-        message.work_tr = self._audit.work
+        message.work_tr, message.work_cat, message.impulse_tr, message.impulse_cat = books.accumulated
+        message.delta_work = books.delta_work
         self._books_out.publish(message)
 
     def _publish_quality(self, cycle: int, header: Any) -> None:

@@ -32,7 +32,13 @@ class SyntheticRide:
     lag: float = 0.8e-3  # s
     velocity: float = 0.1  # m/s, amplitude of both velocities at 5 Hz, in phase with the force
     velocity_error: float = 1e-4  # m/s, v_cat - v_tr
-    correction: float = 2.0  # N, f_cor, constant
+    correction: float = 0.5  # N, f_cor, constant
+    forecast_error: float = 0.0  # N, force predicted for the next cycle - the one that comes
+    leak: float = 1e-3  # W, what the rig's meter of work counts and the catenary's does not
+    push: float = 0.0  # N, the same of the meters of impulse, beside f_cor
+    start_error: float = 0.0  # m and m/s, additional errors of position and velocity before 2 s
+    turn: int | None = None  # cycle from which velocity_error, leak and push have the other sign
+    environments: dict[int, int] = field(default_factory=dict)  # environment from a cycle on
     bound: float = 10.0  # N, |f_cor| at most
     missing: tuple[int, ...] = ()  # cycles without a rig state
     repeated: tuple[int, ...] = ()  # cycles whose rig state was sent twice
@@ -45,6 +51,7 @@ class SyntheticRide:
     segment: int = 6
     books_error: float = 0.0  # J, slip in the monitor's dE
     without: tuple[str, ...] = ()  # topics that are left out
+    lacking: tuple[str, ...] = ()  # fields that the messages do not have, as "CatenaryState.work"
     namespace: str = ""
     wall_factor: float = 2.0  # simulated over wall time
     first: int = 0
@@ -59,13 +66,31 @@ def columns(ride: SyntheticRide) -> dict[str, np.ndarray]:
     v_tr = ride.velocity * np.sin(10.0 * math.pi * t)
     w_cat = 0.05 + ride.wire * np.sin(4.0 * math.pi * t)
     w_tr = 0.05 + ride.wire * np.sin(4.0 * math.pi * (t - ride.lag))
-    v_cat = v_tr + ride.velocity_error
+    w_tr[t < 2.0] += ride.start_error
+    sign = np.where(cycle < (math.inf if ride.turn is None else ride.turn), 1.0, -1.0)
+    v_cat = v_tr + ride.velocity_error * sign
+    v_cat[t < 2.0] -= ride.start_error
     mode = np.ones(len(cycle), int)
     for start, number in sorted(ride.modes.items()):
         mode[cycle >= start] = number
+    environment = np.zeros(len(cycle), int)
+    for start, number in sorted(ride.environments.items()):
+        environment[cycle >= start] = number
+    f_cor = np.full(len(cycle), ride.correction)
+    # Force of cycle k on the wire: what the command of cycle k - 1 asked for, with a perfect forecast F_tr + F_cor.
+    f_predicted = np.append(f_tr[1:], f_tr[-1]) + ride.forecast_error
+    sent = f_predicted + np.where(environment == 0, f_cor, 0.0)
+    f_cat = np.append(f_tr[0] + ride.correction, sent[:-1])
+    meters = {
+        "work": np.cumsum(TS * f_tr * v_tr),
+        "impulse": np.cumsum(TS * f_tr),
+    }
+    meters["work_cat"] = meters["work"] - np.cumsum(TS * ride.leak * sign)
+    meters["impulse_cat"] = meters["impulse"] + np.cumsum(TS * (ride.correction + ride.push * sign))
     return {
         "cycle": cycle, "t": t, "f_tr": f_tr, "v_tr": v_tr, "w_cat": w_cat, "w_tr": w_tr, "v_cat": v_cat, "mode": mode,
-        "f_cor": np.full(len(cycle), ride.correction),
+        "f_cor": f_cor, "f_predicted": f_predicted, "f_cat": f_cat, "environment": environment, "sent": sent,
+        **{name: values - values[0] for name, values in meters.items()},
     }  # fmt: skip
 
 
@@ -77,7 +102,10 @@ def write_ride(
     store = get_typestore(Stores.ROS2_JAZZY)
     types: dict[str, Any] = {}
     for file in sorted(INTERFACES.glob("*.msg")):
-        types.update(get_types_from_msg(file.read_text(), f"phil_interfaces/msg/{file.stem}"))
+        lacking = [name.split(".")[1] for name in ride.lacking if name.split(".")[0] == file.stem]
+        lines = ((line.split("#")[0].split(), line) for line in file.read_text().splitlines())
+        kept = [line for words, line in lines if len(words) < 2 or words[1] not in lacking]
+        types.update(get_types_from_msg("\n".join(kept), f"phil_interfaces/msg/{file.stem}"))
     store.register({name: kind for name, kind in types.items() if name not in store.fielddefs})
     writer = Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3 if sqlite else StoragePlugin.MCAP)
     if compressed:
@@ -99,7 +127,6 @@ def _messages(ride: SyntheticRide, store: Any) -> Iterable[tuple[int, str, str, 
     types = store.types
     stamp_type, header_type = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
     c = columns(ride)
-    work = np.concatenate([[0.0], np.cumsum(TS * c["f_tr"] * c["v_tr"])[:-1]])
     step = round(TS * 1e9 / ride.wall_factor)
 
     def header(cycle: int, frame: str) -> Any:
@@ -108,55 +135,69 @@ def _messages(ride: SyntheticRide, store: Any) -> Iterable[tuple[int, str, str, 
 
     def make(name: str, **values: Any) -> tuple[str, Any]:
         kind = f"phil_interfaces/msg/{name}"
-        constants = {constant[0] for constant in store.fielddefs[kind][0]}
-        return kind, types[kind](**{key: value for key, value in values.items() if key not in constants})
+        known = {entry[0] for entry in store.fielddefs[kind][1]}
+        absent = {entry.split(".")[1] for entry in ride.lacking if entry.split(".")[0] == name}
+        assert values.keys() - absent == known
+        return kind, types[kind](**{key: value for key, value in values.items() if key in known})
 
     model = np.eye(2).ravel()
     yield EPOCH, "catenary_model/impedance_model", *make(
         "ImpedanceModel", header=header(0, "train"), cycle=0, description="a test", n=2, ts=TS, newmark_beta=0.25,
         newmark_gamma=0.5, mass=model, damping=model, stiffness=model, input=np.ones(2), output=np.ones(2),
+        local_compliance=0.0,
     )  # fmt: skip
     e_tr = e_cat = p_tr = p_cat = energy = momentum = 0.0
     quality = ContactQuality(TS, 2.0, 2.0)
-    felt = 0.0
+    before = None
+    counted = np.isin(c["mode"], (1, 2, 3)) & (c["environment"] == 0)
+    meters = dict.fromkeys(("work", "work_cat", "impulse", "impulse_cat"), 0.0)
     batch: list[float] = []
     for i, k in enumerate(c["cycle"].tolist()):
         at = EPOCH + i * step
-        f_tr, v_tr, v_cat, f_cor = (float(c[name][i]) for name in ("f_tr", "v_tr", "v_cat", "f_cor"))
+        f_tr, v_tr, v_cat, f_cor, f_cat = (float(c[name][i]) for name in ("f_tr", "v_tr", "v_cat", "f_cor", "f_cat"))
         rig = make(
             "RigState", header=header(k, "rig"), cycle=k, mode=int(c["mode"][i]),
             last=ride.last and i == ride.cycles - 1,
-            w_tr=c["w_tr"][i], v_tr=v_tr, f_tr=f_tr, f_raw=f_tr, reference=c["w_tr"][i], current=1.0, work=work[i],
-            impulse=0.0, late_commands=0,
+            w_tr=c["w_tr"][i], v_tr=v_tr, f_tr=f_tr, f_raw=f_tr, reference=c["w_tr"][i], current=1.0, work=c["work"][i],
+            impulse=c["impulse"][i], late_commands=0,
         )  # fmt: skip
         for _ in range(0 if k in ride.missing else 2 if k in ride.repeated else 1):
             yield at, "test_rig_sim/state", *rig
         segment = np.full(ride.segment, float(k))
         yield at, "catenary_model/state", *make(
             "CatenaryState", header=header(k, "train"), cycle=k, w_cat=c["w_cat"][i], v_cat=v_cat, a_cat=0.0,
-            f_cat=felt, track_position=k * TS * ride.speed_kmh / 3.6, speed=ride.speed_kmh / 3.6, droppers=36,
+            f_cat=f_cat + (1.0 if k - 1 in ride.mismatches else 0.0), work=c["work_cat"][i],
+            impulse=c["impulse_cat"][i], track_position=k * TS * ride.speed_kmh / 3.6, speed=ride.speed_kmh / 3.6,
+            droppers=36,
             slack_droppers=int(k % 4 == 0), iterations=1 + int(k % 4 == 0), segment_displacement=segment,
             segment_velocity=segment, segment_acceleration=segment, segment_force=segment,
         )  # fmt: skip
         yield at + 1, "impedance_mpc/command", *make(
-            "ImpedanceCommand", header=header(k, "rig"), cycle=k, u_tr=0.0, u_tr_next=0.0, f_tr=f_tr, f_cor=f_cor,
-            f_cat=f_tr + f_cor, f_cor_lower=-ride.bound, f_cor_upper=ride.bound, correction=1,
+            "ImpedanceCommand", header=header(k, "rig"), cycle=k, u_tr=0.0, u_tr_next=0.0, f_tr=f_tr,
+            f_predicted=c["f_predicted"][i], f_cor=f_cor, f_cat=c["sent"][i],
+            f_cor_lower=-ride.bound, f_cor_upper=ride.bound, correction=1, environment=int(c["environment"][i]),
+            w_env=c["w_cat"][i], v_env=v_cat,
             status=2 if k in ride.fallbacks else int(k % 100 == 99),
             iterations=3 + k % 2, fallbacks=0,
         )  # fmt: skip
-        felt = f_tr + f_cor + (1.0 if k in ride.mismatches else 0.0)
-        e_tr += TS * f_tr * v_tr
-        e_cat += TS * (f_tr + f_cor) * v_cat
-        energy += TS * abs(f_tr * v_tr)
-        p_tr += TS * f_tr
-        p_cat += TS * (f_tr + f_cor)
-        momentum += TS * abs(f_tr)
+        if counted[i]:
+            e_tr += TS * f_tr * v_tr
+            e_cat += TS * f_cat * v_cat
+            energy += TS * abs(f_tr * v_tr)
+            p_tr += TS * f_tr
+            p_cat += TS * f_cat
+            momentum += TS * abs(f_tr)
+            for name in meters if before is not None else ():
+                meters[name] += c[name][i] - c[name][before]
+        before = i
         if k % 10 == 0:
             for node, slip in (("energy_monitor", ride.books_error), ("impedance_mpc", 0.0)):
                 yield at + 2, f"{node}/conserved_quantities", *make(
                     "ConservedQuantities", header=header(k, "rig"), cycle=k, e_tr=e_tr, e_cat=e_cat,
                     delta_e=e_tr - e_cat + slip, p_tr=p_tr, p_cat=p_cat, delta_p=p_tr - p_cat, exchanged_energy=energy,
-                    exchanged_momentum=momentum, work_tr=work[i],
+                    exchanged_momentum=momentum, work_tr=meters["work"], work_cat=meters["work_cat"],
+                    delta_work=meters["work"] - meters["work_cat"] + slip, impulse_tr=meters["impulse"],
+                    impulse_cat=meters["impulse_cat"],
                 )  # fmt: skip
         quality.add(k, f_tr)
         if k % 50 == 0 and quality.samples:

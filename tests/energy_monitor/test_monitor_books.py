@@ -6,10 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from energy_monitor.books import Books, books_of
+from energy_monitor.books import Books, Meters, accumulated_of, books_of
 
 TS = 0.002
 FIGURES = ("e_tr", "e_cat", "p_tr", "p_cat", "exchanged_energy", "exchanged_momentum", "delta_e", "delta_p")
+COUNTED = ("work_tr", "work_cat", "impulse_tr", "impulse_cat")
 RIDES = st.integers(1, 60).flatmap(lambda n: arrays(np.float64, (4, n), elements=st.floats(-1e3, 1e3)))
 
 
@@ -82,10 +83,55 @@ def test_a_sine_against_the_closed_form():
     assert history.delta_e[-1] == history.e_tr[-1]
 
 
+@settings(max_examples=40, deadline=None)
+@given(RIDES, st.randoms(use_true_random=False))
+def test_meters_a_cycle_at_a_time_equal_the_whole_ride_to_the_bit(ride, chance):
+    counted = np.array([chance.random() < 0.7 for _ in range(ride.shape[1])])
+    books, history = Books(TS), accumulated_of(*ride, counted)
+    for k in range(ride.shape[1]):
+        books.read(Meters(*ride[:, k].tolist()), bool(counted[k]))
+        assert books.accumulated == tuple(getattr(history, name)[k] for name in COUNTED)
+        assert books.delta_work == history.delta_work[k]
+        assert books.delta_impulse == history.delta_impulse[k]
+
+
+def test_the_way_of_a_meter_is_counted_from_the_reading_before_and_only_where_it_counts():
+    # 5 J and 2 J before the first reading and between the second and the third, which does not count.
+    books = Books(TS)
+    for work, counted in ((5.0, True), (6.0, True), (8.0, False), (8.5, True)):
+        books.read(Meters(work, 0.5 * work, 10.0 * work, 11.0 * work), counted)
+    assert books.accumulated == (1.5, 0.75, 15.0, 16.5)
+    assert (books.delta_work, books.delta_impulse) == (0.75, -1.5)
+
+
+def test_sums_over_the_cycles_that_count():
+    f, v = np.array([1.0, 2.0, 4.0]), np.array([1.0, 1.0, -1.0])
+    history = books_of(f, v, 2.0 * f, v, 1.0, np.array([True, False, True]))
+    assert history.e_tr.tolist() == [1.0, 1.0, -3.0]
+    assert history.e_cat.tolist() == [2.0, 2.0, -6.0]
+    assert (history.p_tr[-1], history.p_cat[-1]) == (5.0, 10.0)
+    assert (history.exchanged_energy[-1], history.exchanged_momentum[-1]) == (5.0, 5.0)
+
+
+def test_what_happens_between_the_samples_is_in_the_meters_alone():
+    # Both sides swing at half the cycle rate: every sample has force and velocity 0, each cycle moves 1 mJ and 1 mN s.
+    cycles = 100
+    books = Books(TS)
+    for k in range(cycles + 1):
+        books.add(0.0, 0.0, 0.0, 0.0)
+        books.read(Meters(1e-3 * k, 0.0, 1e-3 * k, 0.0), True)
+    assert books.delta_e == books.delta_p == 0.0
+    assert (books.delta_work, books.delta_impulse) == pytest.approx((0.1, 0.1), rel=1e-12)
+
+
 def test_cleared_books_are_empty():
     books = Books(TS)
     books.add(100.0, 0.1, 99.0, 0.1)
+    books.read(Meters(1.0, 1.0, 1.0, 1.0), True)
+    books.read(Meters(2.0, 3.0, 2.0, 3.0), True)
     books.clear()
+    books.read(Meters(9.0, 9.0, 9.0, 9.0), True)
+    assert books.accumulated == (0.0, 0.0, 0.0, 0.0)
     assert books.cycles == 0
     assert all(getattr(books, figure) == 0.0 for figure in FIGURES)
 

@@ -41,17 +41,20 @@ class Wired(MonitorNode):
 
 
 def cycle(node, k):
-    node._on_catenary(CatenaryState(cycle=k, v_cat=0.1, f_cat=100.0 if k else 0.0, speed=50.0))
-    node._on_rig(RigState(cycle=k, f_tr=100.0, v_tr=0.1))
-    node._on_command(ImpedanceCommand(cycle=k, f_tr=100.0, f_cat=100.0))
+    node._on_catenary(CatenaryState(cycle=k, v_cat=0.1, f_cat=99.0, work=0.5 * k, impulse=0.25 * k, speed=50.0))
+    node._on_rig(RigState(cycle=k, mode=int(k > 0), f_tr=100.0, v_tr=0.1, work=0.75 * k, impulse=0.125 * k))
+    node._on_command(ImpedanceCommand(cycle=k, f_tr=100.0, f_predicted=98.0, f_cor=1.0, f_cat=99.0))
 
 
 BAD = [
-    *(("_on_catenary", CatenaryState, {name: NAN}) for name in ("w_cat", "v_cat", "f_cat", "speed")),
+    *(("_on_catenary", CatenaryState, {name: NAN}) for name in ("w_cat", "v_cat", "f_cat", "work", "impulse", "speed")),
     ("_on_catenary", CatenaryState, {"w_cat": INF}),
-    *(("_on_rig", RigState, {name: NAN}) for name in ("w_tr", "v_tr", "f_tr", "work")),
-    *(("_on_command", ImpedanceCommand, {name: NAN}) for name in ("f_tr", "f_cor", "f_cat")),
-    *(("_on_believed", ConservedQuantities, {name: NAN}) for name in ("delta_e", "exchanged_energy")),
+    *(("_on_rig", RigState, {name: NAN}) for name in ("w_tr", "v_tr", "f_tr", "work", "impulse")),
+    *(("_on_command", ImpedanceCommand, {name: NAN}) for name in ("f_tr", "f_predicted", "f_cor", "f_cat")),
+    *(
+        ("_on_believed", ConservedQuantities, {name: NAN})
+        for name in ("delta_e", "delta_work", "work_cat", "exchanged_energy")
+    ),
 ]
 
 
@@ -67,8 +70,43 @@ def test_what_is_not_finite_is_refused_and_leaves_its_place_free(callback, kind,
     assert node._audit.matcher.complete == 6
     assert node._audit.matcher.duplicates == 0
     assert node._audit.refused == node.timing.refused == 1
-    assert node._audit.books.e_tr == pytest.approx(6 * 0.002 * 100.0 * 0.1, rel=1e-12)
+    assert node._audit.trace.broken == 0
+    # Five of six cycles: the rig does not follow in cycle 0.
+    assert node._audit.books.e_tr == pytest.approx(5 * 0.002 * 100.0 * 0.1, rel=1e-12)
+    assert node._audit.books.e_cat == pytest.approx(5 * 0.002 * 99.0 * 0.1, rel=1e-12)
+    assert node._audit.books.accumulated == (5 * 0.75, 5 * 0.5, 5 * 0.125, 5 * 0.25)
     assert node._initial.v_cat == 0.1  # the refused initial state is not kept for the next ride
+
+
+def test_the_controller_s_books_are_held_against_both_of_the_monitor():
+    for field, value, agrees in (("delta_work", 1.25, True), ("delta_work", 1.24, False), ("delta_e", 0.01, False)):
+        node = Wired()
+        for k in range(6):
+            cycle(node, k)
+        own = node._audit.entry(5)
+        node._audit.agreement.ours(own)
+        believed = ConservedQuantities(
+            cycle=5, delta_e=own.delta_e, delta_p=own.delta_p, work_tr=3.75, work_cat=2.5, delta_work=own.delta_work,
+            impulse_tr=0.625, impulse_cat=1.25, exchanged_energy=own.exchanged_energy,
+            exchanged_momentum=own.exchanged_momentum,
+        )  # fmt: skip
+        setattr(believed, field, value)
+        node._on_believed(believed)
+        assert node._audit.agreement.compared == 1
+        assert node._audit.agreement.agrees is agrees
+
+
+def test_both_books_are_published():
+    node, sent = Wired(), []
+    node._books_out = type("Sink", (), {"publish": staticmethod(sent.append)})
+    node._books_message = ConservedQuantities()
+    for k in range(3):
+        cycle(node, k)
+    MonitorNode._publish_books(node, 2, RigState().header)
+    (message,) = sent
+    assert (message.cycle, message.work_tr, message.work_cat, message.delta_work) == (2, 1.5, 1.0, 0.5)
+    assert (message.impulse_tr, message.impulse_cat) == (0.25, 0.5)
+    assert message.delta_p == pytest.approx(2 * 0.002 * 1.0, rel=1e-12)
 
 
 def test_an_absurd_cycle_number_is_refused_on_every_topic():

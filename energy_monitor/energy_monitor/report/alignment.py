@@ -43,9 +43,9 @@ def align(bag: Bag, whole: bool = False) -> Aligned:
         One of the three is not in the bag, or they have no cycle in common.
     """
     names = (
-        (RIG_STATE, "RigState", ("w_tr", "v_tr", "f_tr", "work")),
-        (CATENARY_STATE, "CatenaryState", ("w_cat", "v_cat", "f_cat", "speed")),
-        (COMMAND, "ImpedanceCommand", ("f_tr", "f_cor", "f_cat")),
+        (RIG_STATE, "RigState", ("w_tr", "v_tr", "f_tr", "work", "impulse")),
+        (CATENARY_STATE, "CatenaryState", ("w_cat", "v_cat", "f_cat", "work", "impulse", "speed")),
+        (COMMAND, "ImpedanceCommand", ("f_tr", "f_predicted", "f_cor", "f_cat")),
     )
     recorded = [bag.table(name, kind) for name, kind, _ in names]
     raw = [valid(table, needed) for table, (_, _, needed) in zip(recorded, names, strict=True)]

@@ -15,8 +15,8 @@ from energy_monitor.topics import AUDITED, BELIEVED, CONTACT_QUALITY
 BOOKKEEPERS = {"energy_monitor": AUDITED, "impedance_mpc": BELIEVED}
 """Nodes that keep books of energy and momentum, and where they publish them."""
 
-_ENERGY = ("e_tr", "e_cat", "delta_e", "exchanged_energy")
-_MOMENTUM = ("p_tr", "p_cat", "delta_p", "exchanged_momentum")
+_ENERGY = ("e_tr", "e_cat", "delta_e", "exchanged_energy", "work_tr", "work_cat", "delta_work")
+_MOMENTUM = ("p_tr", "p_cat", "delta_p", "exchanged_momentum", "impulse_tr", "impulse_cat")
 _QUALITY = ("mean", "sigma", "minimum", "maximum")
 
 
@@ -26,8 +26,8 @@ def own_books(bag: Bag) -> Mapping[str, Table]:
     return {node: unique(last_ride(table)) for node, table in found.items() if table is not None}
 
 
-def books(series: Series, bag: Bag) -> list[Agreement]:
-    """Compare each bookkeeper's sums with the recomputed ones at the same cycles.
+def books(series: Series, bag: Bag, until: int | None = None) -> list[Agreement]:
+    """Compare each bookkeeper's sums with the recomputed ones at the same cycles, those before `until` if it is given.
 
     Where the recording began later than the ride, the increments since the first common cycle are compared.
     """
@@ -36,6 +36,9 @@ def books(series: Series, bag: Bag) -> list[Agreement]:
         cycle, ours, theirs = np.intersect1d(
             series.cycle, table["cycle"].astype(np.int64), assume_unique=True, return_indices=True
         )
+        if until is not None:
+            kept = cycle < until
+            cycle, ours, theirs = cycle[kept], ours[kept], theirs[kept]
         if len(cycle) == 0:
             continue
         differences = {}

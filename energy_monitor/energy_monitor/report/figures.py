@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from energy_monitor.bag import Table
 from energy_monitor.report import wires
 from energy_monitor.report.results import Floats, Report, Series
 from energy_monitor.report.style import (
@@ -134,7 +135,7 @@ def spectrum(report: Report) -> Any:
 
 
 def conservation(report: Report) -> Any:
-    """Errors of energy and momentum: recomputed, and as monitor and controller saw them."""
+    """Errors of energy and momentum by both books: recomputed, and as monitor and controller saw them."""
     series = report.series
     with figure(4.4) as drawing:
         upper, lower = drawing.subplots(2, 1, sharex=True)
@@ -144,25 +145,36 @@ def conservation(report: Report) -> Any:
             upper.fill_between(
                 series.time, -band, band, color=FAINT, alpha=0.3, linewidth=0, label=f"±{limit:g} % of exchanged"
             )
-        for axes, name, scale in ((upper, "delta_e", 1.0), (lower, "delta_p", 1.0)):
-            values = getattr(series, name)
-            axes.plot(series.time, values * scale, color=FAINT, linewidth=4.0, label="recomputed")
+        for axes, sums, accumulated in ((upper, "delta_e", "delta_work"), (lower, "delta_p", "delta_impulse")):
+            axes.plot(
+                series.time, getattr(series, accumulated), color=RIG, alpha=0.4, linewidth=4.0, label="accumulated"
+            )
+            axes.plot(series.time, getattr(series, sums), color=FAINT, linewidth=4.0, label="sums")
             for node, table in series.books.items():
                 label, colour = KEEPERS[node]
                 style = "-" if node == "energy_monitor" else (0, (4, 3))
                 time = table.real("cycle") * report.ride.ts
-                axes.plot(time, table.real(name), color=colour, linewidth=1.2, linestyle=style, label=label)
+                for number, values in enumerate((_kept(table, sums), _kept(table, accumulated))):
+                    own = label if number == 0 else None
+                    axes.plot(time, values, color=colour, linewidth=1.2, linestyle=style, label=own)
             _run_in(axes, series)
         least = limit / 100.0 * float(series.exchanged_energy[-1]) if limit is not None else 0.0
-        room(upper, np.concatenate([series.delta_e, [-least, least]]))
+        room(upper, np.concatenate([series.delta_e, series.delta_work, [-least, least]]))
         upper.set_title("Energy error, eq. (3.46)")
         lower.set_title("Momentum error, eq. (3.47)")
         upper.set_ylabel("dE in J")
         lower.set_ylabel("dp in N s")
         lower.set_xlabel("time in s")
-        legend_above(upper)
+        legend_above(upper, 5)
         drawing.align_ylabels([upper, lower])
         return drawing
+
+
+def _kept(table: Table, name: str) -> Floats:
+    """Give a column of a node's own books; the message leaves the difference of the impulses to its reader."""
+    if name == "delta_impulse":
+        return table.real("impulse_tr") - table.real("impulse_cat")
+    return table.real(name)
 
 
 def correction(report: Report) -> Any:

@@ -30,8 +30,9 @@ CAPTIONS: Mapping[str, str] = {
         "half overlap), with the frequencies at which spans and droppers pass. Compare thesis Fig. 3.15, lower plot."
     ),
     "conservation": (
-        "Error of the energy, eq. (3.46), and of the momentum, eq. (3.47), exchanged on both sides of the emulation: "
-        "recomputed from the recorded forces and velocities, and as monitor and controller kept their own books."
+        "Error of the energy, eq. (3.46), and of the momentum, eq. (3.47), exchanged on both sides: by "
+        "sums at the cycle rate, and by the work and impulse that rig and catenary accumulated between their samples; "
+        "the broad lines recomputed from the recorded states, the thin ones as monitor and controller kept both books."
     ),
     "correction": "Correction force F_cor between the bounds that were enforced, eq. (3.49) with cap and dead zone.",
     "wires": (

@@ -9,12 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from energy_monitor.bag import Bag
+from energy_monitor.books import CATENARY, FOLLOWING
 from energy_monitor.report.alignment import Aligned, last_ride, unique
 from energy_monitor.report.results import Catenary, Floats, ModeChange, Solver, Timing, Warned
 
 # The constants of the message definitions, in their order.
-MODES = ("hold", "tracking", "bridging", "holding", "retracting", "stopped")
-CORRECTION = ("off", "active", "capped", "projected", "dead zone")
+MODES = (
+    "hold",
+    "tracking",
+    "bridging",
+    "holding",
+    "retracting",
+    "stopped",
+    "position",
+    "approaching",
+    "landing",
+)
+CORRECTION = ("off", "active", "capped", "projected", "dead zone", "settled")
+ENVIRONMENT = ("catenary", "reduced model", "mass, spring and damper")
 STATUS = ("solved", "iterations ran out", "fallback")
 LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
@@ -34,7 +46,20 @@ def modes(aligned: Aligned, ts: float) -> list[ModeChange]:
 
 def retracted(aligned: Aligned) -> int:
     """Count the cycles in which the rig retracted or had stopped."""
-    return int((aligned.rig["mode"] >= MODES.index("retracting")).sum())
+    mode = aligned.rig["mode"]
+    return int(((mode == MODES.index("retracting")) | (mode == MODES.index("stopped"))).sum())
+
+
+def counted(aligned: Aligned) -> NDArray[np.bool_]:
+    """Tell in which cycles the rig followed the catenary: only these are in the books."""
+    of_catenary = aligned.command["environment"] == CATENARY
+    return np.asarray(of_catenary & np.isin(aligned.rig["mode"], FOLLOWING), dtype=np.bool_)
+
+
+def left_the_catenary(aligned: Aligned) -> int | None:
+    """Give the first cycle in which the rig was to behave like something else than the catenary; None: in none."""
+    others = np.flatnonzero(aligned.command["environment"] != CATENARY)
+    return int(aligned.cycle[others[0]]) if len(others) else None
 
 
 def bridged(aligned: Aligned) -> int:
@@ -46,15 +71,16 @@ def bridged(aligned: Aligned) -> int:
 def mismatches(aligned: Aligned) -> int:
     """Count the cycles in which a force is not the one that was sent, up to the rounding of one addition.
 
-    The command has to carry the rig's F_tr of its cycle and F_cat = F_tr + F_cor (3.45), and the catenary has to have
-    felt the F_cat of the cycle before.
+    The command has to carry the rig's F_tr of its cycle, and F_cat = predicted force + F_cor (3.45; without F_cor while
+    the rig follows another environment); the force on the catenary has to be the F_cat of the cycle before.
     """
 
     def differs(one: Floats, other: Floats) -> NDArray[np.bool_]:
         return ~np.isclose(one, other, rtol=1e-9, atol=1e-9)
 
-    f_tr, f_cat = aligned.command.real("f_tr"), aligned.command.real("f_cat")
-    wrong = differs(f_tr, aligned.rig.real("f_tr")) | differs(f_cat, f_tr + aligned.command.real("f_cor"))
+    f_tr, f_predicted, f_cor, f_cat = (aligned.command.real(name) for name in ("f_tr", "f_predicted", "f_cor", "f_cat"))
+    f_cor = np.where(aligned.command["environment"] == CATENARY, f_cor, 0.0)
+    wrong = differs(f_tr, aligned.rig.real("f_tr")) | differs(f_cat, f_predicted + f_cor)
     felt = differs(aligned.catenary.real("f_cat")[1:], f_cat[:-1]) & (np.diff(aligned.cycle) == 1)
     wrong[1:] |= felt
     return int(wrong.sum())

@@ -136,30 +136,48 @@ class ContactForce:
     losses: int = quantity("Losses of contact")
     raw_minimum: float = quantity("Smallest, unfiltered", "N")
     raw_maximum: float = quantity("Largest, unfiltered", "N")
+    prediction_error: float | None = quantity("Force predicted for the next cycle - the one measured then, rms", "N")
 
 
 @dataclass(frozen=True)
 class Conservation:
-    """Energy and momentum on both sides of the emulation, since cycle 0 (3.46, 3.47)."""
+    """Energy and momentum on both sides while the rig followed the catenary: sums (3.46, 3.47), and accumulated."""
 
     e_tr: float = quantity("Energy given to the rig, E_tr", "J", digits=6)
     e_cat: float = quantity("Energy given to the catenary, E_cat", "J", digits=6)
     delta_e: float = quantity("Energy error dE at the end", "J")
     delta_e_max: float = quantity("Energy error |dE|, largest", "J")
+    work_tr: float = quantity("Accumulated work on the rig", "J", digits=6)
+    work_cat: float = quantity("Accumulated work on the catenary", "J", digits=6)
+    delta_work: float = quantity("Energy error dE by accumulated work at the end", "J")
+    delta_work_max: float = quantity("Energy error |dE| by accumulated work, largest", "J")
     exchanged_energy: float = quantity("Exchanged energy, sum of Ts |F_tr v_tr|", "J", digits=6)
     delta_e_share: float | None = quantity("|dE| at the end over exchanged energy", shown="%", scale=100.0)
     delta_e_max_share: float | None = quantity("Largest |dE| over exchanged energy", shown="%", scale=100.0)
     delta_e_running_share: float | None = quantity(
         "Largest |dE(k)| over the energy exchanged up to k, after run-in", shown="%", scale=100.0
     )
+    delta_work_max_share: float | None = quantity(
+        "Largest |dE| by accumulated work over exchanged energy", shown="%", scale=100.0
+    )
+    delta_work_running_share: float | None = quantity(
+        "The same at k over the energy exchanged up to k, after run-in", shown="%", scale=100.0
+    )
     p_tr: float = quantity("Momentum given to the rig, p_tr", "N s", digits=6)
     p_cat: float = quantity("Momentum given to the catenary, p_cat", "N s", digits=6)
     delta_p: float = quantity("Momentum error dp at the end", "N s")
     delta_p_max: float = quantity("Momentum error |dp|, largest", "N s")
+    impulse_tr: float = quantity("Accumulated impulse on the rig", "N s", digits=6)
+    impulse_cat: float = quantity("Accumulated impulse on the catenary", "N s", digits=6)
+    delta_impulse: float = quantity("Momentum error dp by accumulated impulse at the end", "N s")
+    delta_impulse_max: float = quantity("Momentum error |dp| by accumulated impulse, largest", "N s")
     exchanged_momentum: float = quantity("Exchanged momentum, sum of Ts |F_tr|", "N s", digits=6)
     delta_p_share: float | None = quantity("|dp| at the end over exchanged momentum", shown="%", scale=100.0)
-    work_tr: float = quantity("Work that the rig summed at its inner rate", "J", digits=6)
-    work_difference: float = quantity("E_tr - that work", "J")
+    delta_p_max_share: float | None = quantity("Largest |dp| over exchanged momentum", shown="%", scale=100.0)
+    delta_impulse_max_share: float | None = quantity(
+        "Largest |dp| by accumulated impulse over exchanged momentum", shown="%", scale=100.0
+    )
+    work_difference: float = quantity("E_tr by its sum - accumulated work on the rig", "J")
 
 
 @dataclass(frozen=True)
@@ -301,13 +319,18 @@ class Series:
     f_cor_upper: Floats
     delta_e: Floats
     delta_p: Floats
+    delta_work: Floats
+    delta_impulse: Floats
     e_tr: Floats
     e_cat: Floats
     p_tr: Floats
     p_cat: Floats
     exchanged_energy: Floats
     exchanged_momentum: Floats
-    work: Floats
+    work_tr: Floats
+    work_cat: Floats
+    impulse_tr: Floats
+    impulse_cat: Floats
     track_position: Floats
     evaluated: NDArray[np.bool_]
     frequency: Floats

@@ -34,6 +34,9 @@ class Limits(BaseModel):
 
     position_error_rms: float = Field(ge=0.0)
     energy_error_share: float = Field(ge=0.0)
+    work_error_share: float = Field(ge=0.0)
+    momentum_error_share: float = Field(ge=0.0)
+    impulse_error_share: float = Field(ge=0.0)
     loss_share: float = Field(ge=0.0, le=1.0)
     mean_force_low: float = Field(ge=0.0)
     mean_force_high: float = Field(ge=0.0)
@@ -101,15 +104,26 @@ def judge(
     LimitsError
         The table of contact-force limits cannot be read or lacks the standard that is asked for.
     """
-    energy = conservation.delta_e_max_share
-    energy_share = None if energy is None else energy * 100.0
     verdicts = [
         _at_most(
             "position", "Position error, rms", tracking.position_error_rms * 1e3, limits.position_error_rms * 1e3, "mm"
         ),
-        _at_most(
-            "energy", "Energy error |dE|, of exchanged", energy_share, limits.energy_error_share * 100.0, "%",
+        _share(
+            "energy", "Energy error |dE|, of exchanged", conservation.delta_e_max_share, limits.energy_error_share,
             "largest |dE| of the ride over the exchanged energy, eq. (3.46)",
+        ),
+        _share(
+            "work", "The same by accumulated work", conservation.delta_work_max_share, limits.work_error_share,
+            "largest difference of the work done on rig and catenary over the exchanged energy",
+        ),
+        _share(
+            "momentum", "Momentum error |dp|, of exchanged", conservation.delta_p_max_share,
+            limits.momentum_error_share, "largest |dp| of the ride over the exchanged momentum, eq. (3.47)",
+        ),
+        _share(
+            "impulse", "The same by accumulated impulse", conservation.delta_impulse_max_share,
+            limits.impulse_error_share,
+            "largest difference of the impulse given to rig and catenary over the exchanged momentum",
         ),
         _mean_force(limits, force, uplift_force),
         _at_most("contact", "Time without contact", force.loss_share * 100.0, limits.loss_share * 100.0, "%"),
@@ -118,7 +132,7 @@ def judge(
         _at_most("retracted", "Cycles with the rig retracted", float(retracted), 0.0, ""),
         _at_most(
             "mismatches", "Cycles with another force than was sent", float(mismatches), float(limits.mismatches), "",
-            "F_tr from rig to controller, F_cat = F_tr + F_cor, F_cat from controller to catenary, eq. (3.45)",
+            "F_tr from rig to controller, F_cat = prediction + F_cor, F_cat from controller to catenary, eq. (3.45)",
         ),
         _at_most("fallbacks", "Cycles answered by the shifted plan", float(fallbacks), float(limits.fallbacks), ""),
         replace(
@@ -127,7 +141,7 @@ def judge(
     ]  # fmt: skip
     verdicts += _standard(limits, speed, force)
     if not beyond_run_in:
-        steady = {"position", "energy", "mean_force", "contact"}
+        steady = {"position", "energy", "work", "momentum", "impulse", "mean_force", "contact"}
         verdicts = [
             replace(verdict, ok=None, source=_RUN_IN_ONLY)
             if verdict.key in steady or verdict.key.startswith(f"{limits.standard or STANDARD}_")
@@ -155,6 +169,11 @@ def judge(
 
 def _at_most(key: str, name: str, value: float | None, limit: float, unit: str, source: str = "") -> Verdict:
     return Verdict(key, name, value, None, limit, unit, None if value is None else value <= limit, source=source)
+
+
+def _share(key: str, name: str, value: float | None, limit: float, source: str) -> Verdict:
+    """Judge a share (1) in per cent."""
+    return _at_most(key, name, None if value is None else value * 100.0, limit * 100.0, "%", source)
 
 
 def _mean_force(limits: Limits, force: ContactForce, uplift_force: float | None) -> Verdict:
