@@ -7,16 +7,11 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from bench.distribution import distribution
-from bench.outcome import Outcome, Samples
-from ride.settings import resolve
-
-THESIS_CONTROLLER_MS = 1.77
-"""Turnaround time of Table 3.2."""
+from bench.outcome import Outcome
 
 
 def catenary(quick: bool) -> Outcome:
@@ -27,20 +22,10 @@ def catenary(quick: bool) -> Outcome:
 
 
 def mpc(quick: bool) -> Outcome:
-    """Time a whole cycle of the controller (states in, command out) over segment and horizon."""
-    from bench.closed_loop import ClosedLoop
+    """Time a whole cycle of the controller over segment, horizon and moves; its parts; its solver against others."""
+    from bench.mpc import run
 
-    samples: Samples = {}
-    cases: tuple[tuple[float, int, int], ...] = ((10.0, 30, 20), (20.0, 30, 20), (20.0, 30, 10), (20.0, 50, 30))
-    for half, horizon, moves in cases:
-        changes: dict[str, dict[str, Any]] = {
-            "catenary_model": {"segment_half_length": half},
-            "impedance_mpc": {"prediction_horizon": horizon, "control_horizon": moves},
-        }
-        times = ClosedLoop(resolve(None, changes)).times(500 if quick else 5000)
-        samples[f"segment {2 * half:g} m, Np {horizon}, Nc {moves}"] = times["impedance_mpc"]
-    rows = [distribution(name, times, THESIS_CONTROLLER_MS, "median", "Table 3.2") for name, times in samples.items()]
-    return Outcome("impedance controller: one cycle", rows, samples)
+    return run(quick)
 
 
 def realtime(quick: bool) -> Outcome:

@@ -56,10 +56,15 @@ phil_groups() {
   printf '%s\n' "${groups[@]}"
 }
 
+# What an installation depends on: made again when it changes.
+phil_wanted() {
+  cat "$PHIL_ROOT/pyproject.toml" <("$PHIL_PYTHON" -V 2>&1; echo "$PHIL_ROS") | sha256sum
+}
+
 phil_install() {
   local purpose="$1" stamp wanted
   stamp="$PHIL_VENV/.phil-$purpose"
-  wanted="$(cat "$PHIL_ROOT/pyproject.toml" <("$PHIL_PYTHON" -V 2>&1; echo "$PHIL_ROS") | sha256sum)"
+  wanted="$(phil_wanted)"
   # What the tests need includes what a ride needs.
   local done
   for done in "$stamp" "$PHIL_VENV/.phil-test"; do
@@ -85,6 +90,20 @@ phil_install() {
   (cd "$PHIL_ROOT" && "$python" -m pip install --disable-pip-version-check -c "$constraint" "${arguments[@]}") >>"$log" 2>&1 ||
     { tail -n 20 "$log" >&2; phil_fail "the Python packages could not be installed; all of it is in $log"; }
   printf '%s' "$wanted" >"$stamp"
+}
+
+# Installs a group of packages that nothing depends on, into the environment that is set up; goes on without them.
+phil_optional() {
+  local group="$1" log="$PHIL_VENV/.phil-pip-$1.txt" wanted stamp="$PHIL_VENV/.phil-$1"
+  wanted="$(phil_wanted)"
+  [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
+  phil_say "installing optional Python packages: $group"
+  if (cd "$PHIL_ROOT" && "$PHIL_VENV/bin/python" -m pip install --disable-pip-version-check --retries 1 --only-binary=:all: \
+    -c "$PHIL_VENV/.phil-constraints" --group "$group") >"$log" 2>&1; then
+    printf '%s' "$wanted" >"$stamp"
+  else
+    phil_say "they could not be installed (all of it is in $log); going on without them"
+  fi
 }
 
 # A digest of all that goes into the build: the sources, the Python version, where ROS 2 comes from.

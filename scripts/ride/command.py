@@ -9,7 +9,7 @@ from rich.console import Console
 from phil_node.parameters import ParameterError
 from ride.folder import clear
 from ride.options import Options
-from ride.settings import Settings, line_text, resolve, write
+from ride.settings import Settings, line_text, pantograph_text, resolve, write
 
 OK, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130
 
@@ -19,8 +19,8 @@ def carry_out(options: Options) -> int:
     console = Console()
     errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
     try:
-        settings = resolve(options.params, options.overrides)
-        line = line_text(settings)
+        settings = resolve(options.params, options.overrides, options.rig)
+        line, pantograph = line_text(settings), pantograph_text(settings)
     except ParameterError as error:
         errors.print(str(error))
         return WRONG
@@ -29,7 +29,7 @@ def carry_out(options: Options) -> int:
             errors.print(f"{options.out} already holds a ride: choose another --out, or --overwrite")
             return WRONG
         options.out.mkdir(parents=True, exist_ok=True)
-        write(settings, line, options.out)
+        write(settings, line, options.out, pantograph)
     except OSError as error:
         errors.print(f"{options.out} cannot be written: {error.strerror}")
         return WRONG

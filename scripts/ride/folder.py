@@ -5,7 +5,17 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-PRODUCTS = ("bag", "params.yaml", "line.yaml", "report.json", "report.html", "ride.png", "figures", "logs")
+PRODUCTS = (
+    "bag",
+    "params.yaml",
+    "line.yaml",
+    "pantograph.yaml",
+    "report.json",
+    "report.html",
+    "ride.png",
+    "figures",
+    "logs",
+)
 """All that a ride leaves. Anything else in the folder is somebody's and stays."""
 
 

@@ -24,10 +24,11 @@ SHORTCUTS = {
 
 @dataclass(frozen=True)
 class Options:
-    """What was asked for: ``overrides`` maps node to dotted parameter to value, and wins over ``params``."""
+    """What was asked for: ``overrides`` (node to dotted parameter to value) beat ``params``, and those ``rig``."""
 
     out: Path
     params: Path | None
+    rig: str | None
     overrides: dict[str, dict[str, Any]]
     bag: bool
     report: bool
@@ -52,6 +53,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     add("--mode", choices=("lockstep", "realtime"), help="wait for each other, or follow the clock (test_rig_sim.mode)")
     add("--pantograph", metavar="NAME", help="unit under test (test_rig_sim.pantograph)")
     add("--seed", type=int, metavar="N", help="seed of the measurement noise (test_rig_sim.seed)")
+    add("--rig", metavar="NAME", help="test rig: ideal, nominal or harsh, with the model identified on it (nominal)")
     add("--params", type=Path, metavar="FILE", help="ROS parameter file for all nodes together")
     add("--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter; may be given again")
     add("--out", type=Path, metavar="DIR", help="where bag, report and figures go (rides/DATE-TIME)")
@@ -80,6 +82,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     return Options(
         out=out.absolute(),
         params=given.params,
+        rig=given.rig,
         overrides=overrides,
         bag=not given.no_bag,
         report=not (given.no_bag or given.no_report),

@@ -134,11 +134,11 @@ class Ride:
         for managed in self._managed.values():
             managed.go(ACTIVATE, START_SECONDS)
         duration = rig["duration"]
-        last = max(1, round(duration / rig["cycle_time"])) - 1 if duration else None
+        last = max(1, round(duration / rig["cycle_time"])) - 1 if duration and not rig["land_at_end"] else None
         watch = self.watch
         watch.moved = time.monotonic()
         with Display(self._console, duration) as display:
-            while not watch.through(last):
+            while not (watch.through(last) or watch.landed):
                 self._spin()
                 display.show(watch)
                 self._raise_errors()

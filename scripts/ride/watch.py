@@ -13,6 +13,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from phil_node.qos import CYCLE
 
+RIG, LANDED = "test_rig_sim", "stopped: landed"
+"""Node and beginning of its message after a soft landing, with which a ride ends before or after its duration."""
+
 
 class Watch:
     """Latest figures of the running ride; ``started`` and ``moved`` are on the monotonic clock in s."""
@@ -23,6 +26,7 @@ class Watch:
         self.rig_timing: Any = None
         self.errors: dict[str, str] = {}
         self.warnings: dict[str, str] = {}
+        self.landed = False
         self.cycle = -1
         self.moved = time.monotonic()
         self.started: float | None = None
@@ -64,6 +68,7 @@ class Watch:
 
     def _take_diagnostics(self, message: Any) -> None:
         for status in message.status:
+            self.landed = self.landed or (status.hardware_id == RIG and status.message.startswith(LANDED))
             if status.level == DiagnosticStatus.ERROR:
                 self.errors[status.hardware_id] = status.message
             elif status.level == DiagnosticStatus.WARN:

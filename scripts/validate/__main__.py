@@ -16,7 +16,9 @@ NAMES = {
     "absorption": ("validate.absorption", "what the ends send back: wave packets, every kind, both directions"),
     "realtime": ("validate.realtime", "the real-time model against the catenary-fixed reference"),
     "longrun": ("validate.longrun", "hours of ride: drift, energy, droppers, recovery from disturbances"),
+    "impedance": ("validate.impedance", "the closed loop against the coupling without a rig: motion, books, force"),
     "reduced": ("validate.reduced", "the controller's reduced model against the full one"),
+    "rig": ("validate.rig", "the test rig: inner loop, resonances, observers, identified model"),
 }
 """Module of every name, imported only when asked for, and what it measures."""
 
@@ -67,6 +69,8 @@ def main() -> int:
                 last = time.monotonic()
 
         outcome: Outcome = module.run(given.quick, given.out, say)
+    for sheet in outcome.sheets:
+        console.print(sheet)
     console.print(table(outcome))
     for note in outcome.notes:
         console.print(f"- {note}", highlight=False, markup=False)
@@ -79,7 +83,7 @@ def main() -> int:
             "title": outcome.title,
             **machine,
             "holds": outcome.holds,
-            "rows": [row.row() for row in outcome.rows],
+            "rows": [row.row() for row in (*outcome.rows, *outcome.details)],
             "notes": list(outcome.notes),
         }
         given.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

@@ -55,24 +55,42 @@ class Row:
 
 @dataclass(frozen=True)
 class Outcome:
-    """All rows of a validation and what has to be said about them."""
+    """All rows of a validation and what has to be said about them.
+
+    ``details`` are rows for the file alone, where they are too many for a terminal; ``sheets`` are shown instead.
+    """
 
     title: str
     rows: Sequence[Row]
     notes: Sequence[str] = field(default_factory=tuple)
+    details: Sequence[Row] = field(default_factory=tuple)
+    sheets: Sequence[Table] = field(default_factory=tuple)
+    grouped: bool = False
+    """Name a case once, above all its rows that follow one another."""
 
     @property
     def holds(self) -> bool:
         """Tell whether every row with a goal meets it."""
-        return all(row.holds is not False for row in self.rows)
+        return all(row.holds is not False for row in (*self.rows, *self.details))
 
 
 def table(outcome: Outcome) -> Table:
     """Make the table for the terminal."""
     made = Table(title=outcome.title, title_justify="left")
-    for head in ("", "case", "value", "unit", "goal", "verdict", "note"):
+    heads = ["", "case", "value", "unit", "goal", "verdict", "note"]
+    if outcome.grouped:
+        heads.remove("case")
+    for head in heads:
         made.add_column(head, justify="right" if head == "value" else "left", overflow="fold")
+    before = None
     for row in outcome.rows:
         verdict = "" if row.holds is None else "holds" if row.holds else "FAILS"
-        made.add_row(row.name, row.case, f"{row.value:.4g}", row.unit, row.goal, verdict, row.note)
+        cells = [row.name, row.case, f"{row.value:.4g}", row.unit, row.goal, verdict, row.note]
+        if outcome.grouped:
+            if row.case != before:
+                made.add_section()
+                made.add_row(f"[bold]{row.case}[/bold]")
+            del cells[1]
+            before = row.case
+        made.add_row(*cells)
     return made

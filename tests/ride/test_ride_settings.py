@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
@@ -11,7 +12,7 @@ from catenary_model.line_file import dump_line, load_line
 from phil_node.parameters import ParameterError
 from ride.folder import clear
 from ride.options import parse
-from ride.settings import NODES, line_text, resolve, write
+from ride.settings import NODES, line_text, pantograph_text, resolve, rig_names, write
 
 
 def file(tmp_path, tree):
@@ -36,13 +37,28 @@ def test_wildcards_reach_every_node_that_has_the_parameter(tmp_path):
 def test_a_wildcard_before_a_name_is_for_that_node_only(tmp_path):
     settings = resolve(file(tmp_path, {"/**/test_rig_sim": {"ros__parameters": {"seed": 11}}}), {})
     assert settings["test_rig_sim"]["seed"] == 11
-    with pytest.raises(ParameterError, match=r"speed_kmh.*unknown"):
-        resolve(file(tmp_path, {"/**/test_rig_sim": {"ros__parameters": {"speed_kmh": 11.0}}}), {})
+    with pytest.raises(ParameterError, match=r"spans.*unknown"):
+        resolve(file(tmp_path, {"/**/test_rig_sim": {"ros__parameters": {"spans": 3}}}), {})
 
 
 def test_different_cycle_times_are_refused():
     with pytest.raises(ParameterError, match="cycle_time"):
         resolve(None, {"test_rig_sim": {"cycle_time": 0.004}})
+
+
+def test_the_rig_rides_as_fast_as_the_catenary_says(tmp_path):
+    def speed(settings):
+        return settings["test_rig_sim"]["speed_kmh"]
+
+    assert speed(resolve(None, {})) == resolve(None, {})["catenary_model"]["speed_kmh"]
+    params = file(tmp_path, {"catenary_model": {"ros__parameters": {"speed_kmh": 200.0}}})
+    assert speed(resolve(params, {})) == 200.0
+    assert speed(resolve(params, {"catenary_model": {"speed_kmh": 160.0}})) == 160.0
+    # A ride that is ridden again has both in its file; the command line changes one.
+    both = {name: {"ros__parameters": {"speed_kmh": 200.0}} for name in ("catenary_model", "test_rig_sim")}
+    assert speed(resolve(file(tmp_path, both), {"catenary_model": {"speed_kmh": 160.0}})) == 160.0
+    with pytest.raises(ParameterError, match=r"speed_kmh.*same.*250 km/h.*100 km/h"):
+        resolve(None, {"test_rig_sim": {"speed_kmh": 100.0}})
 
 
 @pytest.mark.parametrize(
@@ -59,6 +75,29 @@ def test_different_cycle_times_are_refused():
 def test_what_is_wrong_is_named(tmp_path, tree, words):
     with pytest.raises(ParameterError, match=words):
         resolve(file(tmp_path, tree), {})
+
+
+def test_a_rig_is_below_the_file_and_the_file_below_options(tmp_path):
+    params = file(tmp_path, {"test_rig_sim": {"ros__parameters": {"drive": {"delay": 2}, "load_cell": {"bias": 7.0}}}})
+    settings = resolve(params, {"test_rig_sim": {"load_cell.bias": 9.0}}, "harsh")
+    rig = settings["test_rig_sim"]
+    assert (rig["drive.delay"], rig["load_cell.bias"], rig["load_cell.noise"]) == (2, 9.0, 1.5)
+    write(settings, line_text(settings), tmp_path)
+    assert resolve(tmp_path / "params.yaml", {}) == settings
+
+
+def test_a_rig_brings_the_model_that_was_identified_on_it():
+    frequencies = {name: resolve(None, {}, name)["impedance_mpc"]["rig_natural_frequency_hz"] for name in rig_names()}
+    assert frequencies["harsh"] < frequencies["nominal"] < frequencies["ideal"]
+
+
+def test_the_nominal_rig_is_the_default():
+    assert resolve(None, {}, "nominal") == resolve(None, {})
+
+
+def test_an_unknown_rig_is_named_with_those_there_are():
+    with pytest.raises(ParameterError, match=r"no rig 'real'.*harsh, ideal, nominal"):
+        resolve(None, {}, "real")
 
 
 def test_the_written_file_gives_the_same_ride_again(tmp_path):
@@ -99,6 +138,22 @@ def test_a_home_folder_is_understood(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "mine.yaml").write_text(dump_line(Line(name="mine")))
     assert "mine" in line_text(resolve(None, {"catenary_model": {"line": "~/mine.yaml"}}))
+
+
+def test_a_pantograph_file_is_kept_with_the_ride(tmp_path):
+    example = Path(__file__).parents[2] / "test_rig_sim" / "config" / "pantograph_en50318.yaml"
+    mine, folder = tmp_path / "mine.yaml", tmp_path / "ride"
+    mine.write_text(example.read_text())
+    folder.mkdir()
+    settings = resolve(None, {"test_rig_sim": {"pantograph": "state_space", "pantograph_file": str(mine)}})
+    write(settings, line_text(settings), folder, pantograph_text(settings))
+    mine.unlink()
+    again = resolve(folder / "params.yaml", {})["test_rig_sim"]
+    assert again["pantograph_file"] == str(folder / "pantograph.yaml")
+    assert Path(again["pantograph_file"]).read_text() == example.read_text()
+    with pytest.raises(ParameterError, match=r"pantograph_file.*mine\.yaml"):
+        pantograph_text(settings)
+    assert pantograph_text(resolve(None, {})) == ""
 
 
 def test_shortcuts_are_parameters():

@@ -1,5 +1,6 @@
 """What a validation says: verdicts, evaluation of the reference model, the entry point's exit code."""
 
+import io
 import json
 import math
 import sys
@@ -7,11 +8,13 @@ import types
 
 import numpy as np
 import pytest
+from rich.console import Console
+from rich.table import Table
 
 from catenary_model.reference import Ride
 from validate import __main__ as entry
 from validate import en50318
-from validate.outcome import Outcome, Row
+from validate.outcome import Outcome, Row, table
 
 
 @pytest.mark.parametrize(
@@ -36,6 +39,24 @@ def test_outcome_holds_only_if_every_goal_is_met() -> None:
     good, bad, told = Row("", "", 1.0, "", 0.0), Row("", "", 1.0, "", 2.0), Row("", "", 1.0, "")
     assert Outcome("", [good, told]).holds
     assert not Outcome("", [good, bad, told]).holds
+
+
+def test_details_count_as_well() -> None:
+    good, bad = Row("", "", 1.0, "", 0.0), Row("", "", 1.0, "", 2.0)
+    assert Outcome("", [good], details=[good]).holds
+    assert not Outcome("", [good], details=[bad]).holds
+
+
+def test_a_grouped_table_names_a_case_once() -> None:
+    rows = [Row("mass", "first case", 1.0, "kg"), Row("force", "first case", 2.0, "N"), Row("mass", "other", 3.0, "kg")]
+    console = Console(width=100, record=True, file=io.StringIO())
+    console.print(table(Outcome("", rows)))
+    assert console.export_text().count("first case") == 2
+    console.print(table(Outcome("", rows, grouped=True)))
+    said = console.export_text()
+    assert said.count("first case") == said.count("other") == 1
+    assert said.count("mass") == 2
+    assert said.index("first case") < said.index("force") < said.index("other")
 
 
 def made_up_ride() -> Ride:
@@ -92,7 +113,14 @@ def test_exit_code_and_json(
     value: float, code: int, monkeypatch: pytest.MonkeyPatch, tmp_path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     made_up = types.ModuleType("made_up_validation")
-    made_up.run = lambda quick, out, say: Outcome("Made up", [Row("x", "c", value, "N", None, 2.0)], [f"quick {quick}"])
+    sheet = Table("seen on a sheet")
+    made_up.run = lambda quick, out, say: Outcome(
+        "Made up",
+        [Row("x", "c", value, "N", None, 2.0)],
+        [f"quick {quick}"],
+        details=[Row("only in the file", "c", 5.0, "N")],
+        sheets=[sheet],
+    )
     monkeypatch.setitem(sys.modules, "made_up_validation", made_up)
     monkeypatch.setitem(entry.NAMES, "made-up", ("made_up_validation", "nothing"))
     target = tmp_path / "figures.json"
@@ -101,6 +129,8 @@ def test_exit_code_and_json(
     said = capsys.readouterr().out
     assert ("holds" if code == 0 else "FAILS") in said
     assert "verdicts are given on full runs" in said
+    assert "seen on a sheet" in said and "only in the file" not in said
     document = json.loads(target.read_text())
     assert document["holds"] is (code == 0)
     assert document["rows"][0]["value"] == value
+    assert document["rows"][1]["name"] == "only in the file"
