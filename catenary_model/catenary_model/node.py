@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from array import array
 from time import monotonic
 
@@ -13,7 +12,7 @@ from catenary_model.model import Catenary
 from catenary_model.parameters import Parameters
 from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from catenary_model.sequence import Sequence, Verdict
-from phil_node.base import ERROR, OK, WARN, Diagnosis, PhilNode, run
+from phil_node.base import ERROR, OK, WARN, Diagnosis, PhilNode, leave, run
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED, VIEW
 
 FRAME = "train"
@@ -184,10 +183,10 @@ class CatenaryNode(PhilNode[Parameters]):
         return message
 
 
-def main() -> int:
+def main() -> None:
     """Run the node."""
-    return run(CatenaryNode)
+    leave(run(CatenaryNode))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

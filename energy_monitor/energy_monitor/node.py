@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from time import monotonic
 from typing import Any
 
@@ -15,7 +14,7 @@ from energy_monitor.agreement import Entry
 from energy_monitor.audit import Audit, CatenarySample, CommandSample, RigSample, tolerance_of
 from energy_monitor.limits import evaluate, load, verdict
 from energy_monitor.parameters import Parameters
-from phil_node.base import Diagnosis, PhilNode, run
+from phil_node.base import Diagnosis, PhilNode, leave, run
 from phil_node.guard import finite
 from phil_node.qos import CYCLE, CYCLE_KEPT
 
@@ -237,7 +236,7 @@ def _share(part: float, whole: float) -> str:
 
 def main() -> None:
     """Run the monitor until it is shut down."""
-    sys.exit(run(MonitorNode))
+    leave(run(MonitorNode))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from impedance_mpc.pairing import Arrival, CyclePairs
 from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
-from phil_node.base import WARN, Diagnosis, PhilNode, run
+from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.guard import finite, finite_array
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED
 
@@ -217,7 +216,7 @@ class ImpedanceNode(PhilNode[Parameters]):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(run(ImpedanceNode))
+    leave(run(ImpedanceNode))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 """The ROS 2 node test_rig_sim: paces the cycles, publishes the rig's state, follows the commands."""
 
-import sys
 import time
 
 from geometry_msgs.msg import WrenchStamped
@@ -9,7 +8,7 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from phil_node.base import ERROR, WARN, Diagnosis, PhilNode, run
+from phil_node.base import ERROR, WARN, Diagnosis, PhilNode, leave, run
 from phil_node.qos import CYCLE, VIEW
 from test_rig_sim.operation import rules, supervisor_for
 from test_rig_sim.pacing import CycleClock
@@ -364,7 +363,7 @@ class RigNode(PhilNode[Parameters]):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(run(RigNode))
+    leave(run(RigNode))
 
 
 if __name__ == "__main__":

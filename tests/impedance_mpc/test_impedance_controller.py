@@ -75,6 +75,17 @@ def test_the_chosen_book_decides_the_sign_of_the_force(book, sign):
     assert out.f_cor * sign > 0.0
 
 
+def test_the_bounds_are_those_of_the_velocity_when_the_force_acts():
+    """The wire is still within the dead zone, but its acceleration takes it out of it by t_(k+1)."""
+    c = mass_controller()
+    c.books.work_tr = 1.0
+    one = np.ones(1)
+    wire = EnvironmentReading(0.0 * one, -0.02 * one, 40.0 * one, 0.0 * one, 0.0, -0.02, 100.0)
+    out = c.command(RigReading(0.0, -0.02, 100.0, 0.0), wire)
+    assert out.correction != DEAD_ZONE
+    assert out.f_cor_lower > 0.0  # at 0.06 m/s upwards energy that is missing is given by pushing
+
+
 def test_no_correction_pulls_the_wire():
     """Contact lost: whatever the books ask for, the force on the wire is not negative."""
     c = mass_controller()
@@ -123,18 +134,21 @@ def test_a_rig_that_does_not_follow_is_met_softly_and_not_booked():
 
 def test_a_controller_that_takes_over_goes_on_smoothly():
     """Another environment, the same place: plan, forecast and force go on, the books of both are one."""
-    first = mass_controller()
+    first = mass_controller(rig_delay=0.005)
     second = ImpedanceController(
-        parameters(approach_time=0.3), MassSpringDamper(30.0, 400.0, 2e3).impedance, first.books
+        parameters(approach_time=0.3, rig_delay=0.005), MassSpringDamper(30.0, 400.0, 2e3).impedance, first.books
     )
     for k in range(30):
         out = call(first, w_tr=1e-4 * k, v_tr=0.05, f_tr=100.0 + k, w_cat=1e-4 * k + 1e-5, v_cat=0.05)
-    last = out.u_tr_next, out.f_predicted
+    last, under_way = (out.u_tr_next, out.f_predicted), first._work.ramps.copy()
     second.take_over(first)
     out = call(second, w_tr=3e-3, v_tr=0.05, f_tr=130.0, w_cat=8e-3, v_cat=0.05)
     assert abs(out.u_tr - last[0]) < 5e-4
     assert abs(out.f_predicted - last[1] - 1.0) < 1.0
     assert second.books is first.books
+    # what the rig has not finished with goes on in the prediction of the new controller
+    at = second.program.layout.ramp
+    np.testing.assert_array_equal(second._work.p[at + 2 : at + 6], under_way[:4])
 
 
 def test_the_dead_time_of_the_rig_is_planned_with():

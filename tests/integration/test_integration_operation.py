@@ -100,7 +100,11 @@ class Console:
         for process in self.processes:
             process.terminate()
         for process in self.processes:
-            process.wait(20.0)
+            try:
+                process.wait(20.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown()
