@@ -20,7 +20,7 @@ from energy_monitor.report.results import Report
 from energy_monitor.report.verdicts import STANDARD, Limits, read_limits
 from phil_node.parameters import ParameterError, defaults, read_file
 
-SOFTWARE = ("numpy", "scipy", "numba", "proxsuite", "rosbags", "matplotlib", "jinja2", "pydantic")
+SOFTWARE = ("numpy", "scipy", "numba", "daqp", "rosbags", "matplotlib", "jinja2", "pydantic")
 
 
 class ReportError(Exception):
