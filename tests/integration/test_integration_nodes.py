@@ -2,87 +2,35 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from client import Client
 
 pytestmark = pytest.mark.integration
 
 
-class Bench:
+class Bench(Client):
     """One node in a process of its own, and a client node in this one."""
 
     def __init__(self, package: str, environment: dict[str, str], *parameters: str) -> None:
-        import rclpy
-        from rclpy.executors import SingleThreadedExecutor
-        from rclpy.signals import SignalHandlerOptions
-
         from ride.lifecycle import Managed
 
-        os.environ.update({name: value for name, value in environment.items() if name.startswith("ROS_")})
         settings = [word for entry in parameters for word in ("-p", entry)]
-        command = [sys.executable, "-m", f"{package}.node", "--ros-args", *settings]
-        self.process = subprocess.Popen(command, env=environment, start_new_session=True)
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node("bench")
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self.node)
+        super().__init__(environment, "bench", {package: ["--ros-args", *settings]})
         self.name = package
         self.managed = Managed(self.node, package, self.spin)
-        self.status: dict[str, Any] = {}
-        from diagnostic_msgs.msg import DiagnosticArray
-
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 10)
         self.managed.wait(60.0)
 
-    def _take(self, message: Any) -> None:
-        for status in message.status:
-            self.status[status.hardware_id] = status
-
-    def spin(self) -> None:
-        self.executor.spin_once(timeout_sec=0.05)
-
-    def until(self, condition: Callable[[], bool], seconds: float = 20.0) -> bool:
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            if condition():
-                return True
-            self.spin()
-        return condition()
-
-    def call(self, kind: Any, name: str, request: Any) -> Any:
-        client = self.node.create_client(kind, name)
-        assert client.wait_for_service(20.0)
-        future = client.call_async(request)
-        assert self.until(future.done)
-        return future.result()
-
     def set(self, **values: Any) -> Any:
-        from rcl_interfaces.srv import SetParameters
-        from rclpy.parameter import Parameter
-
-        listed = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-        request = SetParameters.Request(parameters=listed)
-        return self.call(SetParameters, f"{self.name}/set_parameters", request).results[0]
+        return self.set_on(self.name, **values)
 
     def value(self, key: str) -> str:
         """Give a figure of the node's diagnostics."""
         status = self.status.get(self.name)
         return next((entry.value for entry in status.values if entry.key == key), "") if status else ""
-
-    def close(self) -> None:
-        import rclpy
-
-        self.process.terminate()
-        self.process.wait(20.0)
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown()
 
 
 @pytest.fixture

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from client import Client
 
 pytestmark = pytest.mark.integration
 
@@ -16,35 +15,21 @@ NODES = ("catenary_model", "impedance_mpc", "test_rig_sim")
 TS = 0.002
 
 
-class Console:
+class Console(Client):
     """Catenary, controller and rig in processes of their own, and the operator's client in this one."""
 
     def __init__(self, environment: dict[str, str], *settings: str) -> None:
-        import rclpy
-        from diagnostic_msgs.msg import DiagnosticArray
         from phil_interfaces.msg import ImpedanceCommand, RigState
-        from rclpy.executors import SingleThreadedExecutor
-        from rclpy.signals import SignalHandlerOptions
 
         from phil_node.qos import CYCLE
         from ride.lifecycle import ACTIVATE, CONFIGURE, Managed
 
-        words = [word for entry in settings for word in ("-p", entry)]
-        self.processes = []
-        for name in NODES:
-            arguments = ["--ros-args", *(words if name == "test_rig_sim" else [])]
-            command = [sys.executable, "-m", f"{name}.node", *arguments]
-            self.processes.append(subprocess.Popen(command, env=environment, start_new_session=True))
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node("operator")
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self.node)
+        words = ["--ros-args", *(word for entry in settings for word in ("-p", entry))]
+        super().__init__(environment, "operator", {name: words if name == "test_rig_sim" else [] for name in NODES})
         self.states: list[Any] = []
         self.command: Any = None
-        self.status: dict[str, Any] = {}
         self.node.create_subscription(RigState, "test_rig_sim/state", self._take, CYCLE)
         self.node.create_subscription(ImpedanceCommand, "impedance_mpc/command", self._take_command, CYCLE)
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_status, 10)
         self.managed = {name: Managed(self.node, name, self.spin) for name in NODES}
         for transition in (CONFIGURE, ACTIVATE):
             for managed in self.managed.values():
@@ -58,56 +43,19 @@ class Console:
     def _take_command(self, message: Any) -> None:
         self.command = message
 
-    def _take_status(self, message: Any) -> None:
-        for status in message.status:
-            self.status[status.hardware_id] = status
+    def ask(self, name: str) -> Any:
+        """Call a service that needs no more than its name."""
+        from std_srvs.srv import Trigger
 
-    def spin(self) -> None:
-        self.executor.spin_once(timeout_sec=0.05)
+        return self.call(Trigger, name, Trigger.Request())
 
-    def until(self, condition: Callable[[], bool], seconds: float = 20.0) -> bool:
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            if condition():
-                return True
-            self.spin()
-        return condition()
+    def set(self, node: str, name: str, value: Any) -> bool:
+        return bool(self.set_on(node, **{name: value}).successful)
 
     def wait(self, *modes: int) -> bool:
         """Wait until the rig has been in one of these modes for 50 states from now on."""
         begun = len(self.states)
         return self.until(lambda: len(self.states) >= begun + 50 and all(s.mode in modes for s in self.states[-50:]))
-
-    def call(self, name: str, kind: Any = None, request: Any = None) -> Any:
-        from std_srvs.srv import Trigger
-
-        client = self.node.create_client(kind or Trigger, name)
-        assert client.wait_for_service(20.0)
-        future = client.call_async(request or Trigger.Request())
-        assert self.until(future.done)
-        return future.result()
-
-    def set(self, node: str, name: str, value: Any) -> bool:
-        from rcl_interfaces.srv import SetParameters
-        from rclpy.parameter import Parameter
-
-        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-        return bool(self.call(f"{node}/set_parameters", SetParameters, request).results[0].successful)
-
-    def close(self) -> None:
-        import rclpy
-
-        for process in self.processes:
-            process.terminate()
-        for process in self.processes:
-            try:
-                process.wait(20.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                raise
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown()
 
 
 @pytest.fixture
@@ -138,7 +86,7 @@ def test_an_operators_day(console: Console) -> None:
     assert not console.set("test_rig_sim", "operating_mode", "dance")
     assert console.set("test_rig_sim", "operating_mode", "impedance")
     assert console.wait(*following, RigState.MODE_APPROACHING)
-    assert console.call("test_rig_sim/land").success
+    assert console.ask("test_rig_sim/land").success
     assert console.until(lambda: console.states[-1].last)
     assert console.states[-1].mode == RigState.MODE_STOPPED
     assert console.states[-2].mode == RigState.MODE_LANDING
@@ -158,25 +106,25 @@ def test_an_operators_day(console: Console) -> None:
     quiet = time.monotonic() + 1.1
     console.until(lambda: time.monotonic() > quiet)
     for name in ("catenary_model", "impedance_mpc"):
-        assert console.call(f"{name}/reset").success
+        assert console.ask(f"{name}/reset").success
     console.states = []
     console.managed["test_rig_sim"].go(ACTIVATE, 30.0)
     assert console.wait(*following)
-    assert console.call("test_rig_sim/emergency_stop").success
+    assert console.ask("test_rig_sim/emergency_stop").success
     assert console.until(lambda: console.states[-1].last)
     assert console.states[-1].mode == RigState.MODE_STOPPED
     assert console.states[-2].mode == RigState.MODE_RETRACTING
     # Clear of the pantograph at the safe position, and it says why.
     assert console.states[-1].w_tr == pytest.approx(0.2, abs=1e-3)
     assert console.until(lambda: console.status["test_rig_sim"].message == "stopped: emergency stop")
-    assert not console.call("test_rig_sim/land").success
+    assert not console.ask("test_rig_sim/land").success
     # Nothing re-arms: neither mode nor activation, only the reset.
     assert console.set("test_rig_sim", "operating_mode", "position")
     console.managed["test_rig_sim"].go(DEACTIVATE, 30.0)
     with pytest.raises(RideError, match="refused to activate"):
         console.managed["test_rig_sim"].go(ACTIVATE, 30.0)
     rest = len(console.states)
-    assert console.call("test_rig_sim/reset").success
+    assert console.ask("test_rig_sim/reset").success
     assert len(console.states) == rest
     console.managed["test_rig_sim"].go(ACTIVATE, 30.0)
     assert console.until(lambda: console.states[-1].cycle == 0)
