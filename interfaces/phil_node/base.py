@@ -353,6 +353,11 @@ def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
+        # A lifecycle node's state machine keeps the DDS participant, with its threads and its shared memory, until
+        # the last reference to the node is gone; the nodes have switched the collector off.
+        del node, executor
+        gc.unfreeze()
+        gc.collect()
     return 0
 
 
