@@ -7,6 +7,7 @@ in every stream that did not deliver it.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
 from typing import Generic, TypeVar
@@ -84,6 +85,9 @@ class CycleMatcher(Generic[T]):
         self.completed_at: float | None = None
         self._cycle = [[-1] * self.window for _ in range(count)]
         self._payload: list[list[T | None]] = [[None] * self.window for _ in range(count)]
+        # complete cycles that had to make room before they were taken, and the one that was taken last of them
+        self._ready: deque[tuple[int, list[T | None]]] = deque()
+        self._taken: tuple[int, list[T | None]] = (-1, [])
 
     def accept(self, stream: int, cycle: int, payload: T) -> Arrival:
         """Take the message of ``cycle`` from ``stream`` (index into ``streams``); NEW and OUT_OF_ORDER are kept."""
@@ -107,6 +111,10 @@ class CycleMatcher(Generic[T]):
 
     def take(self, now: float) -> int | None:
         """Give the next complete cycle, or None; ``now`` in s on any clock that runs on, for :meth:`age`."""
+        if self._ready:
+            self._taken = self._ready.popleft()
+            self.completed_at = now
+            return self._taken[0]
         if not self._is_complete(self.next):
             if self.last is None or self.next >= self.last or not self._is_complete(self.last):
                 return None
@@ -127,6 +135,10 @@ class CycleMatcher(Generic[T]):
         KeyError
             The ring does not hold that cycle.
         """
+        if cycle == self._taken[0]:
+            kept = self._taken[1][stream]
+            if kept is not None:
+                return kept
         slot = cycle % self.window
         value = self._payload[stream][slot]
         if self._cycle[stream][slot] != cycle or value is None:
@@ -172,7 +184,13 @@ class CycleMatcher(Generic[T]):
         # Only the ring can hold parts of a cycle; what lies behind it after a jump came from nobody.
         in_ring = min(cycle, self.next + self.window)
         while self.next < in_ring:
-            self._give_up()
+            if self._is_complete(self.next):
+                slot = self.next % self.window
+                self._ready.append((self.next, [payload[slot] for payload in self._payload]))
+                self.next += 1
+                self.complete += 1
+            else:
+                self._give_up()
         skipped = cycle - self.next
         if skipped > 0:
             self.incomplete += skipped

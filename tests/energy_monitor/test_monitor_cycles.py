@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from energy_monitor.cycles import AHEAD, CONFIRMED, Arrival, CycleMatcher, JumpFilter
@@ -47,6 +47,7 @@ def test_complete_streams_give_every_cycle_once_in_order(count, window, chance, 
 
 @settings(max_examples=50, deadline=None)
 @given(st.sets(st.tuples(st.integers(0, 2), st.integers(0, 98)), max_size=30), st.integers(2, 40))
+@example(lost={(0, 22), (0, 42), (1, 42), (2, 42)}, window=20)  # a jump over a cycle that nobody sent
 def test_what_is_lost_is_counted_where_it_was_lost(lost, window):
     matcher, taken = CycleMatcher(STREAMS, window), []
     for cycle in range(100):
