@@ -33,6 +33,8 @@ from energy_monitor.report.verdicts import Limits, judge
 
 Floats = NDArray[np.float64]
 
+AT_ONCE = 10
+"""A ride that follows within so many cycles followed from its beginning: a rig holds in cycle 0."""
 LAG_WINDOW = 0.1
 """Largest lag between rig and wire that is searched for, s."""
 
@@ -128,7 +130,7 @@ def tracking(series: Series, ts: float) -> Tracking:
     used = series.evaluated
     position, velocity = (series.w_tr - series.w_cat), (series.v_tr - series.v_cat)[used]
     error, wire = position[used], series.w_cat[used]
-    grid = np.arange(series.cycle[used][0], series.cycle[-1] + 1)
+    grid = np.arange(series.cycle[used][0], series.cycle[used][-1] + 1)
     delay, likeness = lag(np.interp(grid, series.cycle, series.w_cat), np.interp(grid, series.cycle, series.w_tr), ts)
     return Tracking(
         position_error_rms=rms(error),
@@ -292,6 +294,19 @@ def _without_run_in(settings: Settings) -> Settings:
     return Settings(0.0, settings.loss_threshold, settings.cutoff, settings.order)
 
 
+def _evaluated(cycle: NDArray[np.int64], counted: NDArray[np.bool_], wait: int) -> NDArray[np.bool_]:
+    """Choose what tracking and force are judged by: cycles that follow the catenary, `wait` cycles after they began to.
+
+    A ride that never followed it is taken as a whole.
+    """
+    if not counted.any():
+        return np.asarray(cycle >= wait)
+    begins = counted & ~np.concatenate([[False], counted[:-1]])
+    since = np.maximum.accumulate(np.where(begins, cycle, 0))
+    since[since <= AT_ONCE] = 0
+    return np.asarray(counted & (cycle - since >= wait))
+
+
 def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series:
     rig, catenary, command = aligned.rig, aligned.catenary, aligned.command
     cycle = aligned.cycle
@@ -301,7 +316,7 @@ def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series
     accumulated = accumulated_of(
         rig.real("work"), catenary.real("work"), rig.real("impulse"), catenary.real("impulse"), counted
     )
-    evaluated = cycle >= run_in_cycles(settings.run_in, ts)
+    evaluated = _evaluated(cycle, counted, run_in_cycles(settings.run_in, ts))
     grid = np.arange(cycle[0], cycle[-1] + 1)
     even = np.interp(grid, cycle, f_tr)
     filtered = low_passed(even, ts, settings.cutoff, settings.order)

@@ -45,9 +45,12 @@ def modes(aligned: Aligned, ts: float) -> list[ModeChange]:
 
 
 def retracted(aligned: Aligned) -> int:
-    """Count the cycles in which the rig retracted or had stopped."""
+    """Count the cycles in which the rig retracted or had stopped; one that landed and rests did not retract."""
     mode = aligned.rig["mode"]
-    return int(((mode == MODES.index("retracting")) | (mode == MODES.index("stopped"))).sum())
+    retracting, landing = mode == MODES.index("retracting"), mode == MODES.index("landing")
+    if landing.any() and not retracting.any():
+        return 0
+    return int((retracting | (mode == MODES.index("stopped"))).sum())
 
 
 def counted(aligned: Aligned) -> NDArray[np.bool_]:
