@@ -8,6 +8,7 @@ Sets up a virtual environment, builds the workspace, runs ruff, mypy and pytest.
 With arguments only pytest is run, with these arguments:
     scripts/test.sh -m "not integration"     without the tests that start the nodes
     scripts/test.sh tests/catenary_model     one package
+    scripts/test.sh --hypothesis-profile=explore   property tests with new examples, not the same ones each time
 HELP
   exit 0
 fi

@@ -307,6 +307,15 @@ def _evaluated(cycle: NDArray[np.int64], counted: NDArray[np.bool_], wait: int) 
     return np.asarray(counted & (cycle - since >= wait))
 
 
+def _spectrum_within(
+    force: Floats, grid: NDArray[np.int64], evaluated: NDArray[np.int64], ts: float
+) -> tuple[Floats, Floats]:
+    """Spectrum of a force on an even grid of cycles, from the first that is judged to the last: without a landing."""
+    if not len(evaluated):
+        return np.zeros(0), np.zeros(0)
+    return spectrum(force[(grid >= evaluated[0]) & (grid <= evaluated[-1])], ts)
+
+
 def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series:
     rig, catenary, command = aligned.rig, aligned.catenary, aligned.command
     cycle = aligned.cycle
@@ -320,7 +329,7 @@ def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series
     grid = np.arange(cycle[0], cycle[-1] + 1)
     even = np.interp(grid, cycle, f_tr)
     filtered = low_passed(even, ts, settings.cutoff, settings.order)
-    frequency, density = spectrum(even[grid >= cycle[evaluated][0]], ts) if evaluated.any() else (np.zeros(0),) * 2
+    frequency, density = _spectrum_within(even, grid, cycle[evaluated], ts)
     return Series(
         cycle=cycle,
         time=cycle.astype(np.float64) * ts,

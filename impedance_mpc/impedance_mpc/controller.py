@@ -129,10 +129,6 @@ class ImpedanceController:
         """Bring books, plan and solver to the state before cycle 0; runs after it repeat to the last bit."""
         self.books.clear()
         self.result.fallbacks = 0
-        self.rest()
-
-    def rest(self) -> None:
-        """Forget the plan, as at the start of a ride, but not the books."""
         self.qp.reset()
         for array in self._work:
             array.fill(0.0)
@@ -272,6 +268,9 @@ class ImpedanceController:
         u_next = min(max(environment.w + offset + self._ts * (environment.v + drift), low), high)
         self._plan[: self._n_c] = u_next / MILLIMETRE
         self._plan[0] = u_tr / MILLIMETRE
+        # Whoever switches to another control later begins without a correction force, not with that of long ago.
+        self._plan[self._n_c :] = 0.0
+        self._work.now[prepare.F_COR] = 0.0
         self.result.iterations = 0
         return self._answer(u_tr, u_next, rig.f_tr, rig.f_tr, 0.0, (0.0, 0.0, correction.OFF), 0)
 

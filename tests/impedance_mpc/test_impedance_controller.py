@@ -66,6 +66,22 @@ def test_correction_force_keeps_its_bounds_and_is_zero_when_off():
     assert (out.f_cor, out.correction) == (0.0, OFF)
 
 
+def test_after_cascaded_control_the_correction_begins_at_zero():
+    c = mass_controller()
+    step = c.config.correction_rate_limit * c.config.cycle_time
+    cycle = {"w_tr": 0.01, "v_tr": 0.2, "f_tr": 120.0, "w_cat": 0.01, "v_cat": 0.2}
+    c.books.work_tr = 5.0
+    for _ in range(20):
+        before = call(c, **cycle).f_cor
+    assert before > 2.0 * step
+    c.control = "cascaded"
+    call(c, **cycle)
+    c.control = "integrated_with_correction"
+    c.books.work_tr = -5.0
+    assert -step - 1e-9 <= call(c, **cycle).f_cor < 0.0
+    assert np.abs(c.plan[1]).max() <= c.config.correction_cap
+
+
 @pytest.mark.parametrize(("book", "sign"), [("sums", -1.0), ("work", 1.0), ("both", 1.0)])
 def test_the_chosen_book_decides_the_sign_of_the_force(book, sign):
     """One book says too much went to the wire, the other too little; the wire moves up."""

@@ -141,13 +141,14 @@ def test_a_reduced_model_that_is_not_stable_is_refused_by_name() -> None:
 # The gap -----------------------------------------------------------------------------------------------------------
 
 
-@given(st.floats(-0.1, 0.1), st.floats(-0.5, 0.5), st.floats(0.05, 2.0))
+@given(st.floats(-0.1, 0.1, allow_subnormal=False), st.floats(-0.5, 0.5, allow_subnormal=False), st.floats(0.05, 2.0))
 @settings(max_examples=60)
 def test_a_gap_is_closed_from_position_and_velocity_without_a_bump(gap: float, rate: float, duration: float) -> None:
     approach = Approach(duration, TS)
     approach.restart(gap, rate)
     offsets, drifts = np.array([approach.advance() for _ in range(math.ceil(duration / TS) + 3)]).T
-    assert offsets[0] == gap
+    # (half of the smallest numbers is zero)
+    assert offsets[0] == pytest.approx(gap, rel=1e-12, abs=1e-300)
     # (an approach without any velocity braking time ends the velocity at once)
     assert drifts[0] == pytest.approx(rate if abs(rate) > 0.0 else 0.0, abs=1e-12)
     assert offsets[-1] == drifts[-1] == 0.0
