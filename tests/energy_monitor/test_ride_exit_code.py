@@ -43,7 +43,7 @@ def test_a_ride_that_holds_ends_with_0(ridden):
     assert (out / "report.html").is_file()
 
 
-@pytest.mark.parametrize("properties", [{"lag": 4e-3}, {"leak": 0.1}, {"correction": 0.8}, {"last": False}])
+@pytest.mark.parametrize("properties", [{"lag": 4e-3}, {"last": False}])
 def test_a_verdict_that_fails_ends_with_1(ridden, properties, capsys):
     code, out = ridden(**properties)
     assert code == FAILED
