@@ -15,6 +15,7 @@ NAMES = {
     "reference": ("validate.reference", "convergence and speed of the catenary-fixed reference"),
     "absorption": ("validate.absorption", "what the ends send back: wave packets, every kind, both directions"),
     "realtime": ("validate.realtime", "the real-time model against the catenary-fixed reference"),
+    "fd-abc": ("validate.fd_abc", "absorbing boundaries by optimisation: a beam, and waves in two dimensions"),
     "longrun": ("validate.longrun", "hours of ride: drift, energy, droppers, recovery from disturbances"),
     "impedance": ("validate.impedance", "the closed loop against the coupling without a rig: motion, books, force"),
     "reduced": ("validate.reduced", "the controller's reduced model against the full one"),

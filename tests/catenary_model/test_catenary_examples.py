@@ -6,7 +6,10 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from catenary_model import absorbing
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -76,3 +79,15 @@ def test_sag_and_stiffness(run: Callable[..., str]) -> None:
     told = run("sag_and_stiffness", "--line", "en50318_2002", "--force", "100")
     assert "en50318_2002: lowest -8.1 mm" in told
     assert "2046 to 5053 N/m" in told
+
+
+def test_absorbing_boundary(run: Callable[..., str], tmp_path: Path) -> None:
+    """Below a per cent by waves and in time, where a string's own end is far above; stable; the file says the same."""
+    told = run("absorbing_boundary")
+    absorbing_end, string_end, held = numbers(r"at most ([\d.]+) % reflected", told)
+    assert absorbing_end < 1.0 < 20.0 < string_end < held == 100.0
+    absorbing_end, string_end, held = numbers(r"Hz, ([\d.]+) % of the initial", told)
+    assert absorbing_end < 0.5 < 5.0 < string_end < held
+    assert numbers(r"absorbing: .* radius - 1: ([-+.e\d]+)", told)[0] < -1e-7
+    stencil, (end,), _ = absorbing.read_file(tmp_path / "absorbing_boundary.json")
+    assert abs(absorbing.reflection(stencil, end, np.array([10.0]))[0]) < 0.01

@@ -50,7 +50,8 @@ def judge(stencil: Stencil, weighting: Weighting, side: str) -> Judge:
     if stencil.dims != 1:
         raise ValueError(f"{stencil.name} has {stencil.dims} space dimensions; this design is for one")
     factor = growth(stencil)
-    if factor > 1.0 + 1e-9:
+    # At the limit of stability (Courant number 1) a double root is off by the square root of rounding.
+    if factor > 1.0 + 1e-7:
         raise ValueError(f"the interior scheme itself grows by a factor {factor:.6f} a step: choose a smaller dt")
     f, inside = np.union1d(weighting.grid(stencil.dt), grid_frequencies(stencil, side)), weighting.inside()
     return Judge(
