@@ -20,7 +20,7 @@ setup(
     zip_safe=False,
     maintainer="phil-catenary maintainers",
     maintainer_email="maintainers@example.org",
-    description="Finite-element catenary in the moving frame of the train, one step in 2 ms.",
+    description="Catenary in the moving frame of the train, by finite elements or differences; absorbing boundaries.",
     license="Apache-2.0",
     entry_points={"console_scripts": [f"{PACKAGE} = {PACKAGE}.node:main"]},
 )

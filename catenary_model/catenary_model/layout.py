@@ -17,6 +17,7 @@ STATIONS, SUBSTEPS, MAX_ITERATIONS, SEGMENT_FIRST, SEGMENT_STATIONS = range(5)
 GREEN_FIRST, GREEN_LAST, REACH = range(5, 8)
 # columns of Constants.site
 POSITION, ON_CARRIER, ON_CONTACT, STIFFNESS, INERTIA, FORCE, ELONGATION, ONE_SIDED = range(8)
+# ONE_SIDED: 1 a dropper that slackens, 2 a linear one, 0 anything else
 # entries of State.counter
 STEPS, FIRST_SITE, NEXT_SITE, SITES, CONTACT, DROPPERS, SLACK, ITERATIONS, UNSETTLED, LISTED, PUSHED = range(11)
 # entries of State.point

@@ -105,17 +105,22 @@ def wire_elements(wire: Wire, h: float, speed: float) -> tuple[Matrix, Matrix, M
     return M, D, K
 
 
-def assemble(mesh: Mesh, carrier: Wire, contact: Wire, speed: float) -> MovingFrame:
-    """Assemble both wires with free ends.
-
-    Raises ValueError if the train is not slower than the waves: (3.6) then has no wave that runs ahead.
-    """
+def refuse_fast(carrier: Wire, contact: Wire, speed: float) -> None:
+    """Raise ValueError unless the train is slower than 95 % of the waves of both wires."""
     for name, wire in (("carrier", carrier), ("contact", contact)):
         if abs(speed) > 0.95 * wire.wave_speed:
             raise ValueError(
                 f"speed {speed * 3.6:.1f} km/h exceeds 95 % of the {name} wire's wave speed "
                 f"{wire.wave_speed * 3.6:.1f} km/h"
             )
+
+
+def assemble(mesh: Mesh, carrier: Wire, contact: Wire, speed: float) -> MovingFrame:
+    """Assemble both wires with free ends.
+
+    Raises ValueError if the train is not slower than the waves: (3.6) then has no wave that runs ahead.
+    """
+    refuse_fast(carrier, contact, speed)
     n = 4 * mesh.stations
     compact = tuple(np.zeros((n, 6)) for _ in range(3))
     for which, wire in ((CARRIER, carrier), (CONTACT, contact)):

@@ -8,7 +8,7 @@ from time import monotonic
 import numpy as np
 from phil_interfaces.msg import CatenaryState, ImpedanceCommand, ImpedanceModel, WireShape
 
-from catenary_model.model import Catenary
+from catenary_model.build import build
 from catenary_model.parameters import Parameters
 from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from catenary_model.sequence import Sequence, Verdict
@@ -28,7 +28,7 @@ class CatenaryNode(PhilNode[Parameters]):
     def build(self) -> None:
         """Design the model, compile its kernels, publish the reduced model."""
         p = self.parameters
-        self.catenary = Catenary(p.config())
+        self.catenary = build(p.config())
         self.sequence = Sequence(p.max_bridged_cycles)
         self._bridged = 0
         self._ts_ns = round(p.cycle_time * 1e9)
@@ -69,6 +69,7 @@ class CatenaryNode(PhilNode[Parameters]):
             "w_cat mm": f"{c.w_cat * 1e3:.1f}",
             "slack droppers": f"{c.slack_droppers} of {c.droppers}",
             "bridged cycles": str(self._bridged),
+            "discretisation": c.config.discretisation,
             "integration steps with slack state not settled": str(c.unsettled_steps),
         }
         if self.sequence.broken:

@@ -7,12 +7,12 @@ from dataclasses import fields
 
 from pydantic import PrivateAttr, model_validator
 
-from catenary_model.boundary import BOUNDARIES, impose
+from catenary_model.boundary import BOUNDARIES
+from catenary_model.build import check
+from catenary_model.config import DISCRETISATIONS, Config
+from catenary_model.finite_difference.ends import ENDS
 from catenary_model.line import Line
 from catenary_model.line_file import LineFileError, load_line, preset_names
-from catenary_model.model import Config, check_stability
-from catenary_model.moving_frame import assemble
-from catenary_model.reduced import reduce
 from phil_node.parameters import Group, parameter
 
 
@@ -25,7 +25,11 @@ class Parameters(Group):
     """All parameters of the node; the line's description is read once, when they are checked."""
 
     cycle_time: float = parameter("Cycle time Ts", unit="s", low=1e-4, high=0.02)
-    substeps: int = parameter("Integration steps a cycle", low=1, high=20)
+    discretisation: str = parameter(
+        "What the wires are discretised by: " + "; ".join(f"{name}: {what}" for name, what in DISCRETISATIONS.items()),
+        choices=tuple(DISCRETISATIONS),
+    )
+    substeps: int = parameter("fe: integration steps a cycle", low=1, high=20)
     speed_kmh: float = parameter("Speed of the train", unit="km/h", low=0.0, high=400.0)
     start_position: float = parameter("Track position of the pantograph at cycle 0", unit="m", low=-1e6, high=1e6)
     line: str = parameter(
@@ -35,30 +39,46 @@ class Parameters(Group):
     spans: int = parameter(
         "Spans in the computational domain (of the line's mean length), without the layers", low=1, high=40
     )
-    element_length: float = parameter("Element length dx", unit="m", low=0.1, high=5.0)
+    element_length: float = parameter(
+        "fe: element length dx; fd: that of the controller's segment, nearest multiple of grid_spacing",
+        unit="m",
+        low=0.1,
+        high=5.0,
+    )
     layer_behind: float = parameter("Length of the domain beyond the spans, behind", unit="m", low=0.0, high=1000.0)
     layer_ahead: float = parameter("Length of the domain beyond the spans, ahead", unit="m", low=0.0, high=1000.0)
     fading_length: float = parameter(
         "Distance from either end over which droppers and masts fade", unit="m", low=0.0, high=1000.0
     )
     boundary: str = parameter(
-        "What ends the wires; clamped and viscous_sponge reflect: for comparison only, with a long fading_length",
+        "fe: what ends the wires; clamped and viscous_sponge reflect: for comparison only, with a long fading_length",
         choices=tuple(BOUNDARIES),
     )
-    boundary_nodes: int = parameter("Nodes at either end that a controlled or viscous boundary uses", low=0, high=200)
-    newmark_beta: float = parameter("Newmark's beta of the integration", low=0.05, high=1.0)
-    newmark_gamma: float = parameter("Newmark's gamma of the integration", low=0.5, high=1.0)
+    boundary_nodes: int = parameter(
+        "fe: nodes at either end that a controlled or viscous boundary uses", low=0, high=200
+    )
+    newmark_beta: float = parameter("fe: Newmark's beta of the integration", low=0.05, high=1.0)
+    newmark_gamma: float = parameter("fe: Newmark's gamma of the integration", low=0.5, high=1.0)
     local_compliance: bool = parameter(
         "Give contact point, droppers and masts what the mesh lacks in compliance under a point load"
     )
-    max_slack_iterations: int = parameter("Most solves a step for a consistent slack state", low=1, high=50)
+    one_sided_droppers: bool = parameter("Droppers slacken; if not they pull and push, and the model is linear")
+    max_slack_iterations: int = parameter("fe: most solves a step for a consistent slack state", low=1, high=50)
     coupling_tolerance: float = parameter(
-        "Share of its own compliance below which what a dropper, mast or contact does to another within one step is "
-        "left out",
+        "fe: share of its own compliance below which what a site does to another within one step is left out",
         low=1e-14,
         high=0.1,
     )
     segment_half_length: float = parameter("Half length of the controller's segment", unit="m", low=1.0, high=200.0)
+    grid_spacing: float = parameter("fd: distance of the nodes dx", unit="m", low=0.05, high=2.0)
+    grid_substeps: int = parameter("fd: steps a cycle", low=1, high=50)
+    grid_reach: int = parameter("fd: half the nodes to either side that the interior scheme reads", low=2, high=5)
+    grid_boundary: str = parameter(
+        "fd: what ends the wires; clamped reflects: for comparison only, with a long fading_length",
+        choices=tuple(ENDS),
+    )
+    grid_boundary_levels: int = parameter("fd: time levels that an absorbing end reads", low=1, high=6)
+    grid_boundary_nodes: int = parameter("fd: nodes that an absorbing end reads", low=3, high=30)
     wire_shape_rate: float = parameter("Rate of wire_shape", unit="Hz", low=0.1, high=500.0)
     resend_time: float = parameter(
         "Time without a command after which the last state is sent again", unit="s", low=0.02, high=10.0
@@ -75,11 +95,7 @@ class Parameters(Group):
             self._line = line_of(self.line)
         except LineFileError as error:
             raise ValueError("\n".join(f"parameter 'line': {text}" for text in str(error).splitlines())) from None
-        config = self.config()
-        check_stability(config)
-        frame = assemble(config.mesh, self._line.carrier, self._line.contact, config.speed)
-        impose(config.boundary, frame, config.layer)
-        reduce(config.mesh, self._line.contact, config.speed, config.segment_half_length)
+        check(self.config())
         return self
 
     def config(self) -> Config:

@@ -83,7 +83,7 @@ from catenary_model.wires import PAD
 
 
 @njit(cache=True, fastmath={"contract"})
-def _enlist(c: Constants, s: State, zeta: float) -> None:
+def enlist(c: Constants, s: State, zeta: float) -> None:
     """Write the list of sites in the domain around track position zeta (m), by rising position, anew."""
     counter, here, where, site, taut = s.counter, s.here, s.where, c.site, s.taut
     period, n, ring = c.real[PERIOD], c.site.shape[0], s.taut.size
@@ -162,7 +162,7 @@ def _place(real: Array, last: int, local: Array, zeta: float, here: Array, eleme
 def collect(c: Constants, s: State, zeta: float) -> None:
     """List the sites of the domain around track position zeta (m), the contact point among them."""
     if s.counter[LISTED] == 0 or zeta >= s.contact[NEXT_CHANGE]:
-        _enlist(c, s, zeta)
+        enlist(c, s, zeta)
     contact, n = s.counter[CONTACT], s.counter[SITES]
     s.here[PLACE, contact] = zeta
     _place(c.real, c.whole[STATIONS] - 2, c.local, zeta, s.here[:, :n], s.where[ELEMENT, :n], s.psi)
@@ -310,7 +310,7 @@ def _consistent(c: Constants, s: State) -> bool:
                 touch = 1.0 if s.contact[HEAD] + s.here[STRETCH, i] > 0.0 else 0.0
                 good = good and touch == s.contact[TOUCH]
                 s.contact[TOUCH] = touch
-        elif c.site[row, ONE_SIDED] > 0.0:
+        elif c.site[row, ONE_SIDED] == 1.0:
             stretch = c.site[row, ELONGATION] + s.here[STRETCH, i] + s.here[LOCAL, i] * c.site[row, FORCE]
             taut = 1 if stretch > 0.0 else 0
             slot = s.where[SLOT, i]

@@ -67,6 +67,19 @@ def track_position(c: Constants, s: State) -> float:
 
 
 @njit(cache=True, fastmath={"contract"})
+def hold(model: Array, seg: Array, f_cat: float) -> None:
+    """Fill in f_held = M q'' + D q' + K q - b f_cat (3.41); model (3, n, 6) holds M, D, K, seg (4, n) all four."""
+    n = model.shape[1]
+    for i in range(n):
+        total = 0.0
+        o = i - (i & 1) - 2
+        for j in range(max(0, -o), min(6, n - o)):
+            total += model[0, i, j] * seg[2, o + j] + model[1, i, j] * seg[1, o + j] + model[2, i, j] * seg[0, o + j]
+        seg[3, i] = total
+    seg[3, 2 * (n // 4)] -= f_cat
+
+
+@njit(cache=True, fastmath={"contract"})
 def observe(c: Constants, s: State, f_cat: float) -> None:
     """Fill `point` and `segment` for the present state: static shape plus deviation, and f_held (3.41)."""
     zeta = track_position(c, s)
@@ -90,17 +103,7 @@ def observe(c: Constants, s: State, f_cat: float) -> None:
         at += h * per
         if at >= samples:
             at -= samples
-    for i in range(2 * stations):
-        total = 0.0
-        o = i - (i & 1) - 2
-        for j in range(max(0, -o), min(6, 2 * stations - o)):
-            total += (
-                c.segment[0, i, j] * seg[2, o + j]
-                + c.segment[1, i, j] * seg[1, o + j]
-                + c.segment[2, i, j] * seg[0, o + j]
-            )
-        seg[3, i] = total
-    seg[3, 2 * middle] -= f_cat
+    hold(c.segment, seg, f_cat)
     local = c.real[COMPLIANCE]
     s.point[W_CAT] = seg[0, 2 * middle] + local * f_cat
     s.point[V_CAT] = seg[1, 2 * middle] + local * (f_cat - s.point[F_CAT]) / (c.real[TS] * c.whole[SUBSTEPS])

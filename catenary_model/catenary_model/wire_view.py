@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -13,7 +14,6 @@ from catenary_model import layout, step
 from catenary_model.layout import Constants, State
 from catenary_model.moving_frame import Mesh
 from catenary_model.statics import MAST, Statics
-from catenary_model.wires import PAD
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -23,19 +23,26 @@ _TABLE_STEP = 0.1
 
 @njit(cache=True, fastmath=False)
 def _fill(
-    c: Constants, s: State, carrier_at_rest: Array, contact: Singles, carrier: Singles, droppers: Singles
+    c: Constants,
+    s: State,
+    deviation: Array,
+    behind: float,
+    carrier_at_rest: Array,
+    contact: Singles,
+    carrier: Singles,
+    droppers: Singles,
 ) -> None:
     period, zeta, h = c.real[layout.PERIOD], s.point[layout.ZETA], c.real[layout.H]
     static = np.empty(6)
     samples = carrier_at_rest.size - 1
     for j in range(contact.size):
-        at = zeta + j * h - c.real[layout.BEHIND]
+        at = zeta + j * h - behind
         step.static_at(c, at, static)
-        contact[j] = static[0] + s.q[0, 1, 0, j + PAD]
+        contact[j] = static[0] + deviation[1, j]
         r = (at / period - np.floor(at / period)) * samples
         i = min(int(r), samples - 1)
         rest = carrier_at_rest[i] + (r - i) * (carrier_at_rest[i + 1] - carrier_at_rest[i])
-        carrier[j] = rest + s.q[0, 0, 0, j + PAD]
+        carrier[j] = rest + deviation[0, j]
     n = 0
     for i in range(s.counter[layout.SITES]):
         row = s.where[layout.ROW, i]
@@ -87,12 +94,16 @@ class WireView:
         """Their tension; 0 is slack."""
         return self._droppers[1, : self._count]
 
-    def fill(self, constants: Constants, state: State) -> None:
-        """Compute everything for the present state."""
+    def fill(self, constants: Any, state: Any, deviation: Array, behind: float) -> None:
+        """Compute everything for the present state: any model's bundles, deviation (wire, node) of both wires in m.
+
+        `behind` is the distance (m) from the pantograph back to the first node.
+        """
         period = float(constants.real[layout.PERIOD])
-        _fill(constants, state, self._carrier_at_rest, self.contact, self.carrier, self._droppers)
+        rest = self._carrier_at_rest
+        _fill(constants, state, deviation, behind, rest, self.contact, self.carrier, self._droppers)
         self._count = int(state.counter[layout.DROPPERS])
-        zeta, behind, ahead = state.point[layout.ZETA], constants.real[layout.BEHIND], constants.real[layout.AHEAD]
+        zeta, ahead = state.point[layout.ZETA], constants.real[layout.AHEAD]
         repeats = np.arange(math.floor((zeta - behind) / period), math.ceil((zeta + ahead) / period))
         x = (repeats[:, None] * period + self._masts[None, :]).ravel() - zeta
         self.mast_x = x[(x > -behind) & (x < ahead)].astype(np.float32)

@@ -33,6 +33,7 @@ from bench.outcome import Outcome, Sheet
 from bench.sparse_lu import SparseLU
 from bench.turns import first
 from catenary_model.boundary import BOUNDARIES
+from catenary_model.build import MovingCatenary, build
 from catenary_model.model import Catenary, Config
 from catenary_model.pantograph import Pantograph
 from catenary_model.ride import push, ride
@@ -42,6 +43,8 @@ from test_rig_sim.pantographs import PANTOGRAPHS
 Array = NDArray[np.float64]
 
 SPANS = (2, 3, 4, 6, 8, 12, 16)
+GRID_SPANS = (2, 4)
+"""Spans with which the finite differences are timed."""
 UPLIFT = 144.0
 """On the frame of the three-mass pantograph, N: a mean contact force of 130 N, the most that EN 50367 allows (AC)."""
 START = 30.0
@@ -74,7 +77,7 @@ def recorded_force(cycles: int) -> Array:
     return ride(Catenary(DEFAULT), rider, cycles * DEFAULT.cycle_time).F
 
 
-def called(catenary: Catenary, force: Array) -> Array:
+def called(catenary: MovingCatenary, force: Array) -> Array:
     """Replay forces (N) from Python, one call a cycle; return what each call took, s, (cycles,)."""
     step, times = catenary.step, [0] * force.size
     for k, value in enumerate(force.tolist()):
@@ -88,7 +91,7 @@ class Replay:
     """One case on its ride; every block goes on where the last one ended."""
 
     def __init__(self, config: Config, warm_up: Array) -> None:
-        self.catenary = Catenary(config)
+        self.catenary = build(config)
         push(self.catenary, warm_up)
         called(self.catenary, warm_up[-2:])
         self.blocks: list[Array] = []
@@ -144,13 +147,14 @@ def run(quick: bool) -> Outcome:
     load_before = os.getloadavg()[0]
     replays = {spans: Replay(dataclasses.replace(DEFAULT, spans=spans), warm_up) for spans in SPANS}
     coarse = Replay(THESIS_MESH, warm_up)
+    grids = {n: Replay(dataclasses.replace(DEFAULT, discretisation="fd", spans=n), warm_up) for n in GRID_SPANS}
     shares = {kind: Shares(dataclasses.replace(DEFAULT, boundary=kind), warm_up) for kind in BOUNDARIES}
     contests = {
         f"{config.mesh.stations} stations": Contestants(comparable(config), warm_up)
         for config in (DEFAULT, THESIS_MESH)
     }
     loop = InLoop()
-    cases: list[Replay | InLoop] = [*replays.values(), coarse, loop]
+    cases: list[Replay | InLoop] = [*replays.values(), coarse, *grids.values(), loop]
     granted = True
     for number, part in enumerate(rest):
         for case in (*cases[number % len(cases) :], *cases[: number % len(cases)]):  # none is always first
@@ -166,9 +170,17 @@ def run(quick: bool) -> Outcome:
     apart, solves = _compared(force, 20 if quick else 100)
     samples = {f"{spans} spans": replay.times for spans, replay in replays.items()}
     samples[f"{THESIS_NAME}, {4 * coarse.catenary.mesh.stations} unknowns"] = coarse.times
+    for spans, replay in grids.items():
+        samples[f"{spans} spans, finite differences, {2 * replay.catenary.mesh.stations} unknowns"] = replay.times
     samples["2 spans, between controller and rig"] = loop.times
     wanted, nothing = (MEDIAN_GOAL, "median", "goal"), (None, "median", "")
-    goals = [wanted, *[nothing] * (len(SPANS) - 1), wanted, (THESIS_CATENARY_MS, "median", "Table 3.2")]
+    goals = [
+        wanted,
+        *[nothing] * (len(SPANS) - 1),
+        wanted,
+        *[nothing] * len(GRID_SPANS),
+        (THESIS_CATENARY_MS, "median", "Table 3.2"),
+    ]
     rows = [distribution(name, times, *goal) for (name, times), goal in zip(samples.items(), goals, strict=True)]
     measured = {kind: share.share() for kind, share in shares.items()}
     held = {name: contest.contest for name, contest in contests.items()}

@@ -8,7 +8,7 @@ from time import perf_counter_ns
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model.model import Catenary
+from catenary_model.build import build as build_catenary
 from catenary_model.parameters import Parameters as CatenaryParameters
 from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from impedance_mpc.controller import EnvironmentReading, ImpedanceController, RigReading
@@ -28,7 +28,7 @@ class ClosedLoop:
     def __init__(self, settings: Settings) -> None:
         wire = build(CatenaryParameters, settings["catenary_model"])
         control = build(ControllerParameters, settings["impedance_mpc"])
-        self.catenary = Catenary(wire.config())
+        self.catenary = build_catenary(wire.config())
         self.rig = Rig(build(RigParameters, settings["test_rig_sim"]))
         red = self.catenary.reduced
         newmark, compliance = (NEWMARK_BETA, NEWMARK_GAMMA), self.catenary.local_compliance

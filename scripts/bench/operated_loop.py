@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model.model import Catenary
+from catenary_model.build import build as build_catenary
 from catenary_model.parameters import Parameters as CatenaryParameters
 from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from impedance_mpc.controller import EnvironmentReading, RigReading
@@ -45,7 +45,7 @@ class OperatedLoop:
 
     def __init__(self, settings: Settings) -> None:
         wire = build(CatenaryParameters, settings["catenary_model"])
-        self.catenary = Catenary(wire.config())
+        self.catenary = build_catenary(wire.config())
         parameters = build(RigParameters, settings["test_rig_sim"])
         self.rig = Rig(parameters)
         self.supervisor = supervisor_for(parameters, rules(parameters, self.rig.plant.loop), self.rig.state.reference)

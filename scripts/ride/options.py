@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SHORTCUTS = {
     "speed_kmh": ("catenary_model", "speed_kmh"),
     "line": ("catenary_model", "line"),
+    "discretisation": ("catenary_model", "discretisation"),
     "duration": ("test_rig_sim", "duration"),
     "mode": ("test_rig_sim", "mode"),
     "pantograph": ("test_rig_sim", "pantograph"),
@@ -49,6 +50,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     add = parser.add_argument
     add("--speed-kmh", type=float, metavar="V", help="speed of the train in km/h (catenary_model.speed_kmh)")
     add("--line", metavar="NAME_OR_PATH", help="overhead line: a preset or a YAML file (catenary_model.line)")
+    add("--discretisation", metavar="KIND", help="of the catenary: fe or fd (catenary_model.discretisation)")
     add("--duration", type=float, metavar="S", help="length of the ride in s, 0: until Ctrl-C (test_rig_sim.duration)")
     add("--mode", choices=("lockstep", "realtime"), help="wait for each other, or follow the clock (test_rig_sim.mode)")
     add("--pantograph", metavar="NAME", help="unit under test (test_rig_sim.pantograph)")

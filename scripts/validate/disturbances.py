@@ -103,18 +103,19 @@ def coupled_disturbances(setting: Config, rider: Pantograph, after: float) -> li
     cycles = round(after / ts)
 
     def ride(name: str, count: int, kick: float = 0.0) -> Ride:
-        train = Coupled(Catenary(setting), rider)
+        catenary = Catenary(setting)
+        train = Coupled(catenary, rider)
         train.go_on(round(BEFORE / ts))
         parts = []
         if name == "contact lost":
             train.strike(-kick)
         elif name == "force step":
-            push_at = train.catenary.external_load[train.catenary.mesh.middle, CONTACT]
+            push_at = catenary.external_load[catenary.mesh.middle, CONTACT]
             push_at[0] = STEP
             parts.append(train.go_on(round(STEP_TIME / ts)))
             push_at[0] = 0.0
         elif name == "force held":
-            parts.append(train.go_on(round(GAP / ts), held=train.catenary.f_cat))
+            parts.append(train.go_on(round(GAP / ts), held=catenary.f_cat))
         return joined([*parts, train.go_on(count - sum(part.t.size for part in parts))])
 
     def lost(record: Ride) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.closed_loop import ClosedLoop
-from catenary_model.model import Catenary
+from catenary_model.build import build as build_catenary
 from catenary_model.pantograph import Pantograph
 from catenary_model.parameters import Parameters as CatenaryParameters
 from catenary_model.ride import ride
@@ -175,7 +175,7 @@ def rider(settings: Settings) -> Pantograph:
 def direct(case: Case, duration: float) -> Direct:
     """Ride `duration` s without a rig."""
     settings = settings_of(case)
-    catenary = Catenary(build(CatenaryParameters, settings["catenary_model"]).config())
+    catenary = build_catenary(build(CatenaryParameters, settings["catenary_model"]).config())
     record = ride(catenary, rider(settings), duration, RUN_IN)
     if catenary.unsettled_steps:
         raise RuntimeError(f"{case}: {catenary.unsettled_steps} steps have no consistent slack state")

@@ -158,10 +158,13 @@ def test_a_pantograph_file_is_kept_with_the_ride(tmp_path):
 
 def test_shortcuts_are_parameters():
     options = parse(
-        ["--speed-kmh", "200", "--line", "a.yaml", "--seed", "3", "--set", "impedance_mpc.correction=false"]
+        [
+            *("--speed-kmh", "200", "--line", "a.yaml", "--discretisation", "fd", "--seed", "3"),
+            *("--set", "impedance_mpc.correction=false"),
+        ]
     )
     assert options.overrides == {
-        "catenary_model": {"speed_kmh": 200.0, "line": "a.yaml"},
+        "catenary_model": {"speed_kmh": 200.0, "line": "a.yaml", "discretisation": "fd"},
         "test_rig_sim": {"seed": 3},
         "impedance_mpc": {"correction": False},
     }

@@ -1,0 +1,35 @@
+"""One way to a moving catenary, whatever it is discretised by."""
+
+from __future__ import annotations
+
+from catenary_model import finite_difference, model
+from catenary_model.boundary import impose
+from catenary_model.config import Config
+from catenary_model.moving_frame import assemble
+from catenary_model.observed import MovingCatenary
+from catenary_model.reduced import reduce
+
+__all__ = ["Config", "MovingCatenary", "build", "check"]
+
+
+def build(config: Config) -> MovingCatenary:
+    """Build the model that `config.discretisation` names, at rest. Raises ValueError for what cannot be built.
+
+    >>> build(Config()).cycle
+    0
+    """
+    if config.discretisation == "fd":
+        return finite_difference.Catenary(config)
+    return model.Catenary(config)
+
+
+def check(config: Config) -> None:
+    """Refuse what cannot be built, without the costly parts. Raises ValueError naming what to change."""
+    line = config.line
+    if config.discretisation == "fd":
+        finite_difference.check(config)
+        return
+    model.check_stability(config)
+    frame = assemble(config.mesh, line.carrier, line.contact, config.speed)
+    impose(config.boundary, frame, config.layer)
+    reduce(config.mesh, line.contact, config.speed, config.segment_half_length)

@@ -1,0 +1,5 @@
+"""The moving catenary by explicit finite differences, with boundary stencils of `absorbing` at its ends."""
+
+from catenary_model.finite_difference.model import Catenary, check
+
+__all__ = ["Catenary", "check"]

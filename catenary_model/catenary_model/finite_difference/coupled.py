@@ -1,0 +1,69 @@
+"""Cycles of the finite differences in compiled code: with a pantograph coupled within the step, or under a given force.
+
+The scheme is explicit: the wire's height at the new instant is known before the contact force of that instant is, so
+the force follows from the pantograph's compliance of one step, the contact's and the local one, in closed form.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from catenary_model import layout, pantograph
+from catenary_model.coupled import SLACK_DROPPERS, TRACK, F, V, W
+from catenary_model.finite_difference import step
+from catenary_model.finite_difference.layout import Constants, State
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, fastmath=False)
+def _note(s: State, force: float, row: Array) -> None:
+    row[W] = s.point[layout.W_CAT]
+    row[V] = s.point[layout.V_CAT]
+    row[F] = force
+    row[TRACK] = s.point[layout.ZETA]
+    row[SLACK_DROPPERS] = s.counter[layout.SLACK]
+
+
+@njit(cache=True, fastmath=False)
+def run(
+    c: Constants,
+    s: State,
+    pc: pantograph.Constants,
+    ps: pantograph.State,
+    soft_start: float,
+    held: float,
+    out: Array,
+) -> None:
+    """Ride as many cycles as `out` has rows; the uplift comes up within the first soft_start s as (1 - cos)/2.
+
+    `held` is a contact force (N) on both sides in place of the contact, or NaN.
+    """
+    local, n = c.real[layout.COMPLIANCE], c.whole[layout.SUBSTEPS]
+    force, w = s.contact[layout.LAST_FORCE], s.point[layout.W_CAT]
+    s.counter[layout.ITERATIONS] = 1
+    for k in range(out.shape[0]):
+        for _ in range(n):
+            step.arrive(c, s)
+            t = c.real[layout.TS] * s.counter[layout.STEPS]
+            share = 0.5 - 0.5 * np.cos(np.pi * t / soft_start) if t < soft_start else 1.0
+            head = pantograph.free(pc, ps, share)
+            before, force = force, held
+            if np.isnan(held):
+                force = pantograph.contact_force(pc, head, step.height(c, s, 0.0), local)
+            pantograph.finish(pc, ps, force)
+            w = step.book(c, s, before, force, w)
+            step.leave(c, s, force)
+        step.observe(c, s, force, c.real[layout.TS] * n)
+        _note(s, force, out[k])
+    s.contact[layout.LAST_FORCE] = force
+
+
+@njit(cache=True, fastmath=False)
+def push(c: Constants, s: State, force: Array, out: Array) -> None:
+    """Advance one cycle a given force (N)."""
+    for k in range(force.size):
+        step.advance(c, s, force[k])
+        _note(s, force[k], out[k])

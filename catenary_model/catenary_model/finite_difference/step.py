@@ -1,0 +1,164 @@
+"""One step of the moving catenary by finite differences, compiled and explicit: no solve, no iteration.
+
+Present is the instant n; level n + 1 of the deviation is computed as soon as the contact force of instant n is known:
+
+    w(n+1) = inner stencil of w(n), w(n-1), ...  +  dt^2/(rhoA dx) (forces of instant n, carried on by v dt)
+
+So velocity and acceleration of instant n are centred differences, of second order, and contain the present force. The
+forces of droppers, masts and arms follow from w(n) alone, their slack state with them. What stands on the wire moves
+back by v dt in the step, and so does its force: it is read at its place of instant n and given to its place of n + 1.
+A mass is the exception: its inertia belongs to w(n+1) and is found in closed form, mass by mass. Last, the boundary
+stencils complete the level at either end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from catenary_model.finite_difference.forces import act, gather, track_position
+from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, PER_ELEMENT, REACH, Constants, State, unpack
+from catenary_model.finite_difference.wires import close, propagate
+from catenary_model.layout import (
+    A_CAT,
+    COMPLIANCE,
+    F_CAT,
+    GIVEN,
+    IMPULSE,
+    ITERATIONS,
+    LAST_FORCE,
+    PERIOD,
+    SPEED,
+    STATIONS,
+    STEPS,
+    SUBSTEPS,
+    TS,
+    V_CAT,
+    W_CAT,
+    WORK,
+    ZETA,
+    Array,
+    Ints,
+)
+from catenary_model.step import hold
+
+
+@njit(cache=True, fastmath={"contract"})
+def arrive(c: Constants, s: State) -> None:
+    """Make the level n + 1 the present one; its contact force is not known yet."""
+    s.counter[NOW] = (s.counter[NOW] + 1) % s.w.shape[0]
+    s.counter[STEPS] += 1
+
+
+@njit(cache=True, fastmath={"contract"})
+def leave(c: Constants, s: State, force: float) -> None:
+    """Compute level n + 1 with the contact force (N) of the present instant."""
+    now, nodes = s.counter[NOW], c.whole[STATIONS]
+    gather(c, s)
+    for wire in range(2):
+        propagate(c.inner, c.whole[REACH + wire], nodes, s.w, now, wire)
+    act(c, s, force)
+    for wire in range(2):
+        close(c.edge, c.whole[REACH + wire], nodes, s.w, now, wire, s.ends)
+
+
+@njit(cache=True, fastmath={"contract"})
+def height(c: Constants, s: State, force: float) -> float:
+    """Displacement of the contact point under a contact force (N) at the present instant, m."""
+    samples = c.static.shape[0] - 1
+    at = track_position(c, s) / c.real[PERIOD]
+    at = (at - np.floor(at)) * samples
+    i = min(int(at), samples - 1)
+    static = c.static[i, 0] + (at - i) * (c.static[i + 1, 0] - c.static[i, 0])
+    return static + s.w[s.counter[NOW], 1, c.whole[MIDDLE]] + c.real[COMPLIANCE] * force
+
+
+@njit(cache=True, fastmath={"contract"})
+def book(c: Constants, s: State, before: float, force: float, w: float) -> float:
+    """Add one integration step to work and impulse, as trapezoids; return the height of the contact point, m.
+
+    The force (N) went from `before` to `force`, the contact point from `w` (m) to where it is now.
+    """
+    now = height(c, s, force)
+    s.point[WORK] += 0.5 * (before + force) * (now - w)
+    s.point[IMPULSE] += 0.5 * c.real[TS] * (before + force)
+    return now
+
+
+@njit(cache=True, fastmath={"contract"})
+def observe(c: Constants, s: State, f_cat: float, cycle_time: float) -> None:
+    """Fill `point` and `segment` for the present instant, whose new level is already there."""
+    zeta = track_position(c, s)
+    slots, now = s.w.shape[0], s.counter[NOW]
+    before, old, new = s.w[(now - 1) % slots, 1], s.w[now, 1], s.w[(now + 1) % slots, 1]
+    seg, v, ts, h = s.segment, c.real[SPEED], c.real[TS], c.real[DX] * c.whole[PER_ELEMENT]
+    stations, taps = seg.shape[1] // 2, c.project.shape[1]
+    middle, n = stations // 2, c.whole[MIDDLE]
+    rate, rate_2 = 0.5 / ts, 1.0 / (ts * ts)
+    samples, per = c.rest.shape[0] - 1, (c.rest.shape[0] - 1) / c.real[PERIOD]
+    at = (zeta - middle * h) * per
+    at -= samples * np.floor(at / samples)
+    for j in range(stations):
+        first = n + (j - middle) * c.whole[PER_ELEMENT] - taps // 2
+        i = min(int(at), samples - 1)
+        r = at - i
+        for kind in range(2):
+            a, b, d = 0.0, 0.0, 0.0
+            for m in range(taps):
+                weight = c.project[kind, m]
+                a += weight * before[first + m]
+                b += weight * old[first + m]
+                d += weight * new[first + m]
+            k = 3 * kind
+            seg[0, 2 * j + kind] = c.rest[i, k] + r * (c.rest[i + 1, k] - c.rest[i, k]) + b
+            slope = c.rest[i, k + 1] + r * (c.rest[i + 1, k + 1] - c.rest[i, k + 1])
+            seg[1, 2 * j + kind] = v * slope + rate * (d - a)
+            bend = c.rest[i, k + 2] + r * (c.rest[i + 1, k + 2] - c.rest[i, k + 2])
+            seg[2, 2 * j + kind] = v * v * bend + rate_2 * (d - 2.0 * b + a)
+        at += h * per
+        if at >= samples:
+            at -= samples
+    hold(c.segment, seg, f_cat)
+    at = zeta / c.real[PERIOD]
+    at = (at - np.floor(at)) * samples
+    i = min(int(at), samples - 1)
+    r = at - i
+    local = c.real[COMPLIANCE]
+    s.point[W_CAT] = c.static[i, 0] + r * (c.static[i + 1, 0] - c.static[i, 0]) + old[n] + local * f_cat
+    s.point[V_CAT] = v * (c.static[i, 1] + r * (c.static[i + 1, 1] - c.static[i, 1])) + rate * (new[n] - before[n])
+    s.point[V_CAT] += local * (f_cat - s.point[F_CAT]) / cycle_time
+    s.point[A_CAT] = v * v * (c.static[i, 2] + r * (c.static[i + 1, 2] - c.static[i, 2]))
+    s.point[A_CAT] += rate_2 * (new[n] - 2.0 * old[n] + before[n])
+    s.point[F_CAT] = f_cat
+    s.point[ZETA] = zeta
+
+
+@njit(cache=True, fastmath={"contract"})
+def start(c: Constants, s: State) -> None:
+    """List the sites for the present instant and observe it, at rest."""
+    leave(c, s, 0.0)
+    observe(c, s, 0.0, 1.0)
+
+
+@njit(cache=True, fastmath={"contract"})
+def advance(c: Constants, s: State, f_cat: float) -> None:
+    """Step from t_k to t_(k+1); the contact force goes in a straight line to f_cat (N), the one of the new instant."""
+    n = c.whole[SUBSTEPS]
+    before = s.contact[LAST_FORCE]
+    s.counter[ITERATIONS] = 1
+    force, w = before, s.point[W_CAT]
+    for j in range(n):
+        old, force = force, before + (f_cat - before) * ((j + 1) / n)
+        s.contact[GIVEN] = force
+        arrive(c, s)
+        w = book(c, s, old, force, w)
+        leave(c, s, force)
+    s.contact[LAST_FORCE] = f_cat
+    observe(c, s, f_cat, c.real[TS] * n)
+
+
+@njit(cache=True, fastmath={"contract"})
+def cycle(floats: Array, whole: Ints, table: Ints, f_cat: float) -> None:
+    """`advance` for bundles that are packed in an arena."""
+    c, s = unpack(floats, whole, table)
+    advance(c, s, f_cat)

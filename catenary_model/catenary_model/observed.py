@@ -1,0 +1,174 @@
+"""What every model of the moving catenary shows of its state, and what others may ask of it."""
+
+# ruff: noqa: D102 - what a member means is said where it is implemented, in `Observed` and the models
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary_model import layout, pantograph, wire_view
+from catenary_model.config import Config
+from catenary_model.moving_frame import Mesh
+from catenary_model.reduced import ReducedModel
+from catenary_model.statics import Statics
+
+Array = NDArray[np.float64]
+
+
+class _State(Protocol):
+    """Arrays that all models have, see `layout.State`."""
+
+    @property
+    def counter(self) -> NDArray[np.int64]: ...
+    @property
+    def point(self) -> Array: ...
+    @property
+    def segment(self) -> Array: ...
+
+
+class MovingCatenary(Protocol):
+    """A catenary in the frame of the train, whatever it is discretised by; `build.build` makes one.
+
+    A cycle is `step`; `ride_on` and `push_on` are cycles in compiled code, for `ride`.
+    """
+
+    config: Config
+    mesh: Mesh
+    statics: Statics
+    reduced: ReducedModel
+
+    @property
+    def state(self) -> _State: ...
+    def step(self, f_cat: float) -> None: ...
+    def reset(self) -> None: ...
+    @property
+    def cycle(self) -> int: ...
+    @property
+    def w_cat(self) -> float: ...
+    @property
+    def v_cat(self) -> float: ...
+    @property
+    def a_cat(self) -> float: ...
+    @property
+    def f_cat(self) -> float: ...
+    @property
+    def work(self) -> float: ...
+    @property
+    def impulse(self) -> float: ...
+    @property
+    def local_compliance(self) -> float: ...
+    @property
+    def track_position(self) -> float: ...
+    @property
+    def droppers(self) -> int: ...
+    @property
+    def slack_droppers(self) -> int: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def unsettled_steps(self) -> int: ...
+    @property
+    def segment_displacement(self) -> Array: ...
+    @property
+    def segment_velocity(self) -> Array: ...
+    @property
+    def segment_acceleration(self) -> Array: ...
+    @property
+    def segment_force(self) -> Array: ...
+    @property
+    def rider_newmark(self) -> tuple[float, float]: ...
+    def wire_shape(self) -> wire_view.WireView: ...
+    def ride_on(
+        self, constants: pantograph.Constants, state: pantograph.State, soft_start: float, held: float, out: Array
+    ) -> None: ...
+    def push_on(self, force: Array, out: Array) -> None: ...
+
+
+class Observed:
+    """Public members that only look at the arrays which all models have."""
+
+    config: Config
+    state: _State
+
+    @property
+    def cycle(self) -> int:
+        """Cycle number k of the present state."""
+        return int(self.state.counter[layout.STEPS]) // self.config.steps_per_cycle
+
+    @property
+    def w_cat(self) -> float:
+        """Displacement of the contact wire at the pantograph from its nominal height, m."""
+        return float(self.state.point[layout.W_CAT])
+
+    @property
+    def v_cat(self) -> float:
+        """Its rate of change in the frame of the train, m/s."""
+        return float(self.state.point[layout.V_CAT])
+
+    @property
+    def a_cat(self) -> float:
+        """Its second rate of change, m/s^2."""
+        return float(self.state.point[layout.A_CAT])
+
+    @property
+    def f_cat(self) -> float:
+        """Contact force that acted in the last step, N."""
+        return float(self.state.point[layout.F_CAT])
+
+    @property
+    def work(self) -> float:
+        """Work that the contact force did on the wire since cycle 0, J: trapezoids of an integration step each."""
+        return float(self.state.point[layout.WORK])
+
+    @property
+    def impulse(self) -> float:
+        """Integral of the contact force since cycle 0, N s."""
+        return float(self.state.point[layout.IMPULSE])
+
+    @property
+    def track_position(self) -> float:
+        """Position of the pantograph along the line, m."""
+        return float(self.state.point[layout.ZETA])
+
+    @property
+    def droppers(self) -> int:
+        """Droppers within the domain."""
+        return int(self.state.counter[layout.DROPPERS])
+
+    @property
+    def slack_droppers(self) -> int:
+        """Of these, slack ones."""
+        return int(self.state.counter[layout.SLACK])
+
+    @property
+    def iterations(self) -> int:
+        """Solves of the last step."""
+        return int(self.state.counter[layout.ITERATIONS])
+
+    @property
+    def unsettled_steps(self) -> int:
+        """Steps since the start whose slack state was not consistent after the most solves allowed."""
+        return int(self.state.counter[layout.UNSETTLED])
+
+    @property
+    def segment_displacement(self) -> Array:
+        """Displacements q of the reduced model, m and rad, (n,); a view that the next step overwrites."""
+        return self.state.segment[0]
+
+    @property
+    def segment_velocity(self) -> Array:
+        """Velocities q' of the reduced model, m/s and rad/s, (n,); a view."""
+        return self.state.segment[1]
+
+    @property
+    def segment_acceleration(self) -> Array:
+        """Accelerations q'' of the reduced model, (n,); a view."""
+        return self.state.segment[2]
+
+    @property
+    def segment_force(self) -> Array:
+        """Held forces f_held of the reduced model, N and N m, (n,); a view."""
+        return self.state.segment[3]
