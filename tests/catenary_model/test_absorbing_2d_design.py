@@ -126,9 +126,16 @@ def test_each_front_is_best_at_its_own_angle() -> None:
     assert sixty[1] < 0.2 * worst(WAVE, second_order(WAVE), np.array([60.0]))[0]
 
 
-def test_design_is_deterministic() -> None:
-    again = design(WAVE, *CHOSEN["tuned for 0"])
-    np.testing.assert_array_equal(again.boundary.coefficients, result().designs["tuned for 0"].boundary.coefficients)
+def test_design_is_repeatable() -> None:
+    """No chance in it; but linear algebra rounds by how arrays lie in memory, and the optimiser may stop a step apart.
+
+    1e-3 of coefficients of up to 2, where a repetition was seen to differ by 4.5e-5; 1 % of the reflected amplitude.
+    """
+    again = design(WAVE, *CHOSEN["tuned for 0"]).boundary
+    once = result().designs["tuned for 0"].boundary
+    np.testing.assert_allclose(again.coefficients, once.coefficients, atol=1e-3)
+    degrees = np.array([0.0, 30.0, 60.0])
+    np.testing.assert_allclose(worst(WAVE, again, degrees), worst(WAVE, once, degrees), rtol=0.01)
 
 
 def test_coefficients_come_back_from_the_file(tmp_path: Path) -> None:
