@@ -139,7 +139,7 @@ def test_summary_names_what_was_late_and_refused(written: tuple[Path, Report]) -
     assert re.search(r"Messages refused +12", summary(refusing))
 
 
-@pytest.mark.parametrize("cycles", [1, 8, 20, 50])
+@pytest.mark.parametrize("cycles", [1, 8, 50])
 def test_very_short_rides_are_drawn_without_warnings(
     synthetic: Callable[..., Path], tmp_path: Path, cycles: int
 ) -> None:
