@@ -31,7 +31,7 @@ from catenary_model import (
 from catenary_model.boundary import Feedback, impose
 from catenary_model.config import Config
 from catenary_model.moving_frame import MovingFrame, assemble, highest_frequency, local_mass
-from catenary_model.observed import Observed
+from catenary_model.observed import Observed, rewind
 from catenary_model.site_table import site_table
 
 __all__ = ["Catenary", "Config", "check_stability", "site_table"]
@@ -185,13 +185,7 @@ class Catenary(Observed):
 
     def reset(self) -> None:
         """Go back to rest at the start position, cycle 0; no external load."""
-        pushed = self.state.counter[layout.PUSHED]  # whoever has the view may write into it again
-        for array in self.state:
-            array.fill(0)
-        self.state.counter[layout.PUSHED] = pushed
-        period, n = self.config.line.period, len(self.constants.site)
-        behind = math.floor((self.config.start_position - self.mesh.behind) / period) - 1
-        self.state.counter[layout.FIRST_SITE] = self.state.counter[layout.NEXT_SITE] = behind * n
+        rewind(self.state, len(self.constants.site), self.config, self.mesh)
         step.start(self.constants, self.state)
 
     def step(self, f_cat: float) -> None:

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+import math
+from collections.abc import Iterator
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,7 @@ Array = NDArray[np.float64]
 class _State(Protocol):
     """Arrays that all models have, see `layout.State`."""
 
+    def __iter__(self) -> Iterator[NDArray[Any]]: ...
     @property
     def counter(self) -> NDArray[np.int64]: ...
     @property
@@ -85,6 +88,16 @@ class MovingCatenary(Protocol):
         self, constants: pantograph.Constants, state: pantograph.State, soft_start: float, held: float, out: Array
     ) -> None: ...
     def push_on(self, force: Array, out: Array) -> None: ...
+
+
+def rewind(state: _State, sites: int, config: Config, mesh: Mesh) -> None:
+    """Clear all state of a model whose line has so many sites a period, for cycle 0 at the start position."""
+    pushed = state.counter[layout.PUSHED]  # whoever has the view of external loads may write into it again
+    for array in state:
+        array.fill(0)
+    state.counter[layout.PUSHED] = pushed
+    behind = math.floor((config.start_position - mesh.behind) / config.line.period) - 1
+    state.counter[layout.FIRST_SITE] = state.counter[layout.NEXT_SITE] = behind * sites
 
 
 class Observed:

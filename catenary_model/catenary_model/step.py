@@ -187,12 +187,11 @@ def height(c: Constants, s: State, force: float) -> float:
 
 
 @njit(cache=True, fastmath={"contract"})
-def book(c: Constants, s: State, before: float, force: float, w: float) -> float:
-    """Add one integration step to work and impulse, as trapezoids; return the height of the contact point, m.
+def book(c: Constants, s: State, before: float, force: float, w: float, now: float) -> float:
+    """Add one integration step to work and impulse, as trapezoids; return the new height of the contact point, m.
 
-    The force (N) went from `before` to `force`, the contact point from `w` (m) to where it is now.
+    The force (N) went from `before` to `force`, the contact point from `w` (m) to `now`.
     """
-    now = height(c, s, force)
     s.point[WORK] += 0.5 * (before + force) * (now - w)
     s.point[IMPULSE] += 0.5 * c.real[TS] * (before + force)
     return now
@@ -209,7 +208,7 @@ def advance(c: Constants, s: State, f_cat: float) -> None:
         old, force = force, before + (f_cat - before) * ((j + 1) / n)
         s.contact[GIVEN] = force
         substep(c, s)
-        w = book(c, s, old, force, w)
+        w = book(c, s, old, force, w, height(c, s, force))
     s.contact[LAST_FORCE] = f_cat
     observe(c, s, f_cat)
 

@@ -114,7 +114,7 @@ def _staged(c: Constants, s: State, force: Array, now: Ints, spent: Ints) -> Non
             s.contact[layout.GIVEN] = given
             _substep(c, s, now, spent[k])
             t = _stamp(now)
-            w = step.book(c, s, old, given, w)
+            w = step.book(c, s, old, given, w, step.height(c, s, given))
             _lap(now, spent[k], len(PHASES) - 1, t)
         s.contact[layout.LAST_FORCE] = f_cat
         t = _stamp(now)

@@ -11,20 +11,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model import layout, pantograph
-from catenary_model.coupled import SLACK_DROPPERS, TRACK, F, V, W
+from catenary_model.coupled import note
 from catenary_model.finite_difference import step
 from catenary_model.finite_difference.layout import Constants, State
+from catenary_model.step import book
 
 Array = NDArray[np.float64]
-
-
-@njit(cache=True, fastmath=False)
-def _note(s: State, force: float, row: Array) -> None:
-    row[W] = s.point[layout.W_CAT]
-    row[V] = s.point[layout.V_CAT]
-    row[F] = force
-    row[TRACK] = s.point[layout.ZETA]
-    row[SLACK_DROPPERS] = s.counter[layout.SLACK]
 
 
 @njit(cache=True, fastmath=False)
@@ -54,10 +46,10 @@ def run(
             if np.isnan(held):
                 force = pantograph.contact_force(pc, head, step.height(c, s, 0.0), local)
             pantograph.finish(pc, ps, force)
-            w = step.book(c, s, before, force, w)
+            w = book(c, s, before, force, w, step.height(c, s, force))
             step.leave(c, s, force)
         step.observe(c, s, force, c.real[layout.TS] * n)
-        _note(s, force, out[k])
+        note(s, force, out[k])
     s.contact[layout.LAST_FORCE] = force
 
 
@@ -66,4 +58,4 @@ def push(c: Constants, s: State, force: Array, out: Array) -> None:
     """Advance one cycle a given force (N)."""
     for k in range(force.size):
         step.advance(c, s, force[k])
-        _note(s, force[k], out[k])
+        note(s, force[k], out[k])

@@ -19,7 +19,7 @@ from catenary_model.finite_difference import coupled, ends, grid, step, wires
 from catenary_model.finite_difference import layout as own
 from catenary_model.line import Wire
 from catenary_model.moving_frame import CONTACT, Mesh, refuse_fast
-from catenary_model.observed import Observed
+from catenary_model.observed import Observed, rewind
 from catenary_model.site_table import site_table
 
 Array = NDArray[np.float64]
@@ -197,13 +197,7 @@ class Catenary(Observed):
 
     def reset(self) -> None:
         """Go back to rest at the start position, cycle 0; no external load."""
-        pushed = self.state.counter[layout.PUSHED]  # whoever has the view may write into it again
-        for array in self.state:
-            array.fill(0)
-        self.state.counter[layout.PUSHED] = pushed
-        period, n = self.config.line.period, len(self.constants.site)
-        behind = math.floor((self.config.start_position - self.mesh.behind) / period) - 1
-        self.state.counter[layout.FIRST_SITE] = self.state.counter[layout.NEXT_SITE] = behind * n
+        rewind(self.state, len(self.constants.site), self.config, self.mesh)
         step.start(self.constants, self.state)
 
     def step(self, f_cat: float) -> None:

@@ -24,7 +24,6 @@ from catenary_model.layout import (
     COMPLIANCE,
     F_CAT,
     GIVEN,
-    IMPULSE,
     ITERATIONS,
     LAST_FORCE,
     PERIOD,
@@ -35,12 +34,11 @@ from catenary_model.layout import (
     TS,
     V_CAT,
     W_CAT,
-    WORK,
     ZETA,
     Array,
     Ints,
 )
-from catenary_model.step import hold
+from catenary_model.step import book, hold
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -71,18 +69,6 @@ def height(c: Constants, s: State, force: float) -> float:
     i = min(int(at), samples - 1)
     static = c.static[i, 0] + (at - i) * (c.static[i + 1, 0] - c.static[i, 0])
     return static + s.w[s.counter[NOW], 1, c.whole[MIDDLE]] + c.real[COMPLIANCE] * force
-
-
-@njit(cache=True, fastmath={"contract"})
-def book(c: Constants, s: State, before: float, force: float, w: float) -> float:
-    """Add one integration step to work and impulse, as trapezoids; return the height of the contact point, m.
-
-    The force (N) went from `before` to `force`, the contact point from `w` (m) to where it is now.
-    """
-    now = height(c, s, force)
-    s.point[WORK] += 0.5 * (before + force) * (now - w)
-    s.point[IMPULSE] += 0.5 * c.real[TS] * (before + force)
-    return now
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -151,7 +137,7 @@ def advance(c: Constants, s: State, f_cat: float) -> None:
         old, force = force, before + (f_cat - before) * ((j + 1) / n)
         s.contact[GIVEN] = force
         arrive(c, s)
-        w = book(c, s, old, force, w)
+        w = book(c, s, old, force, w, height(c, s, force))
         leave(c, s, force)
     s.contact[LAST_FORCE] = f_cat
     observe(c, s, f_cat, c.real[TS] * n)
