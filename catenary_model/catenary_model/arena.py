@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model.layout import Array, Constants, Ints, State
+from phil_node.kernels import njit
 
 C = TypeVar("C", bound=tuple[Any, ...])
 S = TypeVar("S", bound=tuple[Any, ...])

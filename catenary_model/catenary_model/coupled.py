@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model import layout, pantograph, step
 from catenary_model.layout import Constants, State
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 

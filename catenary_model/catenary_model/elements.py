@@ -7,8 +7,9 @@ psi(xi) with xi in [0, 1]. All integrals are exact.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from phil_node.kernels import njit
 
 Matrix = NDArray[np.float64]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import phil_node.before_rclpy  # noqa: F401  # isort: skip
+
 from array import array
 from time import monotonic
 

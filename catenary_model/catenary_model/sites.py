@@ -17,7 +17,6 @@ a mass in M. The pantograph, if it is coupled, is a spring that can only push.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from catenary_model.layout import (
     AHEAD,
@@ -78,6 +77,7 @@ from catenary_model.layout import (
     X,
 )
 from catenary_model.wires import PAD
+from phil_node.kernels import njit
 
 # Inner functions get the arrays that they need, not the bundles: a call that is not inlined would copy these.
 

@@ -12,7 +12,6 @@ these on the right side the wires are solved once more. A cycle is one or severa
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from catenary_model import arena, sites, wires
 from catenary_model.layout import (
@@ -47,6 +46,7 @@ from catenary_model.layout import (
     State,
 )
 from catenary_model.wires import PAD
+from phil_node.kernels import njit
 
 
 @njit(cache=True, fastmath={"contract"})

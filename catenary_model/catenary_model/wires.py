@@ -22,10 +22,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model.moving_frame import MovingFrame
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 

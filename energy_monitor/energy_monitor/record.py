@@ -17,6 +17,7 @@ from typing import Any
 
 from energy_monitor.command_line import Parser, seconds
 from energy_monitor.topics import RECORDED
+from phil_node.surroundings import leave_if_unusable
 
 DEPTH = 5000
 """Messages a topic that may wait for the recorder: 10 s at 500 Hz, so that a ride at full speed loses nothing."""
@@ -256,6 +257,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda got, _frame: asked.append(got))
 
+    leave_if_unusable()
     # Loading ROS takes a while: the handlers above must already stand.
     import rclpy
     from rclpy.signals import SignalHandlerOptions

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.linalg import expm, solve_discrete_are
 
 from impedance_mpc.plant import Array
+from phil_node.kernels import njit
 
 CONSTANT, LINEAR, CONTACT = 0, 1, 2
 KINDS = {"constant": CONSTANT, "linear": LINEAR, "contact": CONTACT}

@@ -17,13 +17,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model import layout, sites, step, wires
 from catenary_model.layout import Constants, State
 from catenary_model.model import Catenary, Config
 from catenary_model.wires import PAD
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 

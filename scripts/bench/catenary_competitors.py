@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from bench.banded_lu import BandedLU
@@ -21,6 +20,7 @@ from bench.sparse_lu import SparseLU
 from catenary_model import layout, ride, step
 from catenary_model.layout import Constants, State
 from catenary_model.model import Catenary, Config
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 

@@ -14,12 +14,13 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
 from catenary_model import layout, ride, sites, step, wires
 from catenary_model.layout import Constants, State
 from catenary_model.model import Catenary, Config
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

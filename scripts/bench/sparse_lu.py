@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
@@ -19,6 +18,7 @@ from bench import banded_lu
 from bench.banded_lu import HALF
 from catenary_model import layout, step
 from catenary_model.model import Catenary, Config
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 

@@ -138,8 +138,6 @@ phil_build() {
     tail -n 40 "$log" >&2
     phil_fail "the build failed; all of it is in $log"
   }
-  # Compiled kernels do not notice changes in functions of other files that were inlined into them.
-  find "$PHIL_ROOT/install" "${nodes[@]/#/$PHIL_ROOT/}" \( -name '*.nbi' -o -name '*.nbc' \) -delete
   printf '%s' "$digest" >"$interfaces"
   phil_digest "${nodes[@]}" >"$packages"
 }
@@ -150,6 +148,10 @@ phil_environment() {
   PHIL_PYTHON="${PHIL_PYTHON:-$(PATH="${PATH//"$PHIL_ROOT/.venv-ros/bin:"/}"; PATH="${PATH//"$PHIL_ROOT/.venv/bin:"/}"; command -v python3 || echo python3)}"
   if [ -n "${ROS_DISTRO:-}" ] && [ -n "${AMENT_PREFIX_PATH:-}" ]; then
     [ "$ROS_DISTRO" = jazzy ] || phil_fail "ROS 2 $ROS_DISTRO is sourced; Jazzy is needed (or a shell without ROS 2: then wheels are used)"
+    local prefix rclpy=
+    while IFS= read -r -d : prefix; do [ -d "$prefix/share/rclpy" ] && rclpy="$prefix"; done <<<"$AMENT_PREFIX_PATH:"
+    [ -n "$rclpy" ] ||
+      phil_fail "ROS_DISTRO is set, but no folder of AMENT_PREFIX_PATH ($AMENT_PREFIX_PATH) holds rclpy: source /opt/ros/jazzy/setup.bash again, or use a shell without ROS 2 (then wheels are used)"
     PHIL_ROS=sourced PHIL_VENV="$PHIL_ROOT/.venv-ros"
   else
     PHIL_ROS=wheels PHIL_VENV="$PHIL_ROOT/.venv"

@@ -6,15 +6,24 @@ import sys
 
 from ride.options import parse
 
-INTERRUPTED = 130
+WRONG, INTERRUPTED = 2, 130
 
 
 def main() -> int:
     """Read the options and ride; give the exit code."""
     options = parse()
+    from phil_node.surroundings import leave_if_unusable
+
+    leave_if_unusable()
     from ride.command import carry_out
 
-    return carry_out(options)
+    try:
+        return carry_out(options)
+    except Exception as error:
+        if type(error).__name__ != "RCLError":  # its type is at home in rclpy, which is loaded when it is needed
+            raise
+        print(f"ROS cannot start: {str(error).splitlines()[0]}", file=sys.stderr)
+        return WRONG
 
 
 if __name__ == "__main__":

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from scipy.linalg import expm, solve_continuous_lyapunov
 
+from phil_node.kernels import njit
 from test_rig_sim.pantograph_parameters import CarBodyParameters
 
 Array = npt.NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from numba import njit
+from phil_node.kernels import njit
 
 
 class Contact(NamedTuple):

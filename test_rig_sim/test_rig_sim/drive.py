@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
+from phil_node.kernels import njit
 
 
 class Drive(NamedTuple):

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from phil_node.kernels import njit
 
 Array = npt.NDArray[np.float64]
 

@@ -24,10 +24,10 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from scipy.linalg import block_diag, expm, solve_discrete_are
 from scipy.signal import place_poles
 
+from phil_node.kernels import njit
 from test_rig_sim.drive import Drive
 
 Array = npt.NDArray[np.float64]

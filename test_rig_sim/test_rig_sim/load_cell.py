@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from scipy.linalg import expm
+
+from phil_node.kernels import njit
 
 Array = npt.NDArray[np.float64]
 

@@ -1,5 +1,7 @@
 """The ROS 2 node test_rig_sim: paces the cycles, publishes the rig's state, follows the commands."""
 
+import phil_node.before_rclpy  # noqa: F401  # isort: skip
+
 import time
 
 from geometry_msgs.msg import WrenchStamped

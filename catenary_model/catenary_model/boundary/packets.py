@@ -12,13 +12,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model.boundary.control_design.dispersion import continuous_wave_number
 from catenary_model.boundary.layer import AHEAD, BEHIND, Feedback, Layer
 from catenary_model.line import Wire
 from catenary_model.moving_frame import MovingFrame
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 

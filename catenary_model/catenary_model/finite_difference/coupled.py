@@ -7,7 +7,6 @@ the force follows from the pantograph's compliance of one step, the contact's an
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model import layout, pantograph
@@ -15,6 +14,7 @@ from catenary_model.coupled import note
 from catenary_model.finite_difference import step
 from catenary_model.finite_difference.layout import Constants, State
 from catenary_model.step import book
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 

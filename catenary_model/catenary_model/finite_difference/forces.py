@@ -5,8 +5,6 @@ A place on the wire reads the field and gives its force with the weights of `gri
 
 from __future__ import annotations
 
-from numba import njit
-
 from catenary_model import sites
 from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, ORIGIN, PER_MASS, Constants, State
 from catenary_model.layout import (
@@ -46,6 +44,7 @@ from catenary_model.layout import (
     Ints,
     X,
 )
+from phil_node.kernels import njit
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
 from catenary_model.arena import five, one, three, two
 from catenary_model.layout import Array, Ints
+from phil_node.kernels import njit
 
 # entries of Constants.real beyond those of `catenary_model.layout`; BEHIND and AHEAD are where sites begin and end
 ORIGIN = 11

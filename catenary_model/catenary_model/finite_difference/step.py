@@ -14,7 +14,6 @@ stencils complete the level at either end.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from catenary_model.finite_difference.forces import act, gather, track_position
 from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, PER_ELEMENT, REACH, Constants, State, unpack
@@ -39,6 +38,7 @@ from catenary_model.layout import (
     Ints,
 )
 from catenary_model.step import book, hold
+from phil_node.kernels import njit
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from catenary_model.layout import Array
+from phil_node.kernels import njit
 
 PADDING = 8
 """Zeros after the nodes of a wire, so that sums of seven terms may run over the end."""

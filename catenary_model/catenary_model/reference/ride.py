@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model import pantograph
 from catenary_model.reference import step
 from catenary_model.reference.links import Links
 from catenary_model.reference.wires import Wires
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

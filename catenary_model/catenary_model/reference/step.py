@@ -14,13 +14,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model.elements import shape_functions
 from catenary_model.reference import wires
 from catenary_model.reference.links import Links
 from catenary_model.reference.wires import BETA, GAMMA, TS, Wires
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

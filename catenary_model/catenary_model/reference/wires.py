@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model.line import Line
 from catenary_model.reference.factor import factor, mass_stencil
 from catenary_model.reference.mesh import TrackMesh
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,122 @@
+"""Environment variables of ROS 2 that a start would fail on, or take for something else: named before it.
+
+The middleware ends a process that it does not find its library for (code 102, while rclpy is imported), and reads
+numbers and switches so generously that a slip of the pen puts a rig onto another domain or onto the network.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+WRONG = 2
+"""Exit code."""
+LAST_DOMAIN = 232
+"""From this domain on the ports of DDS would be beyond 65535."""
+RANGES = ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT")
+SWITCHES = (
+    "ROS_LOCALHOST_ONLY",
+    "RCUTILS_COLORIZED_OUTPUT",
+    "RCUTILS_LOGGING_USE_STDOUT",
+    "RCUTILS_LOGGING_BUFFERED_STREAM",
+)
+PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+
+
+def leave_if_unusable() -> None:
+    """End the process with code 2 and one line for everything that cannot work."""
+    found = list(complaints(os.environ))
+    if found:
+        print("\n".join(found), file=sys.stderr)
+        sys.exit(WRONG)
+
+
+def complaints(environment: Mapping[str, str]) -> Iterator[str]:
+    """Give a line for each variable that is wrong: what it is, what it may be, what to do.
+
+    Args:
+        environment: of the process; an empty variable counts as none, as for ROS.
+    """
+    given = {name: value for name, value in environment.items() if value}
+    yield from _middleware(given)
+    yield from _domain(given)
+    for name in SWITCHES:
+        if given.get(name, "0") not in ("0", "1"):
+            yield f"{name}={given[name]}: has to be 0 or 1"
+    discovery = given.get("ROS_AUTOMATIC_DISCOVERY_RANGE", RANGES[0])
+    if discovery == "OFF":
+        yield "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF: the nodes would not find each other; set it to LOCALHOST or SUBNET"
+    elif discovery not in RANGES:
+        yield f"ROS_AUTOMATIC_DISCOVERY_RANGE={discovery}: has to be one of {', '.join(RANGES)}, in capitals"
+    if given.get("RMW_IMPLEMENTATION", "rmw_fastrtps").startswith("rmw_fastrtps"):
+        for name in PROFILES:
+            yield from _profiles(name, given)
+    yield from _logs(given)
+
+
+def _middleware(given: Mapping[str, str]) -> Iterator[str]:
+    name = given.get("RMW_IMPLEMENTATION")
+    if name is None:
+        return
+    try:
+        ctypes.CDLL(f"lib{name}.so")
+    except (OSError, ValueError) as error:
+        there = installed(given)
+        package = f"ros-{given.get('ROS_DISTRO', 'jazzy')}-{name.replace('_', '-')}"
+        advice = f"unset RMW_IMPLEMENTATION, or install {package}"
+        if name in there:
+            advice += f" anew ({error})"
+        yield f"RMW_IMPLEMENTATION={name}: it is not there (there: {', '.join(there) or 'none'}); {advice}"
+
+
+def installed(given: Mapping[str, str]) -> list[str]:
+    """Give the names of the middlewares that are installed, by the index of ROS packages and the path of libraries."""
+    prefixes = [Path(prefix) for prefix in given.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    places = [Path(place) for place in given.get("LD_LIBRARY_PATH", "").split(os.pathsep) if place]
+    entries = (
+        entry.name
+        for prefix in prefixes
+        for entry in (prefix / "share/ament_index/resource_index/rmw_typesupport").glob("rmw_*")
+    )
+    libraries = (path.stem.removeprefix("lib") for place in places for path in place.glob("librmw_*_cpp.so"))
+    no_middlewares = re.compile("rmw_implementation|.*(_shared_|__).*")
+    return sorted({name for name in (*entries, *libraries) if not no_middlewares.fullmatch(name)})
+
+
+def _domain(given: Mapping[str, str]) -> Iterator[str]:
+    text = given.get("ROS_DOMAIN_ID", "0")
+    # ROS takes 010 for 8, 4x for 4 and -1 for none.
+    if not re.fullmatch("0|[1-9][0-9]{0,2}", text) or int(text) > LAST_DOMAIN:
+        yield f"ROS_DOMAIN_ID={text}: has to be a whole number from 0 to {LAST_DOMAIN}"
+
+
+def _profiles(name: str, given: Mapping[str, str]) -> Iterator[str]:
+    """Fast DDS goes on without a file that it cannot read: with other settings than the user believes."""
+    path = given.get(name)
+    if path is None:
+        return
+    try:
+        ElementTree.parse(path)
+    except OSError as error:
+        yield f"{name}={path}: cannot be read ({error.strerror}); correct the path or unset it"
+    except ElementTree.ParseError as error:
+        yield f"{name}={path}: is no XML ({error}); correct the file or unset it"
+
+
+def _logs(given: Mapping[str, str]) -> Iterator[str]:
+    """ROS makes the folder of its logs itself, and ends the process where it cannot."""
+    home = Path(given.get("ROS_HOME", "~/.ros"))
+    place = Path(given.get("ROS_LOG_DIR", home / "log"))
+    try:
+        place = place.expanduser()
+        place.mkdir(parents=True, exist_ok=True)
+        reason = "" if os.access(place, os.W_OK | os.X_OK) else "not writable"
+    except (OSError, RuntimeError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+    if reason:
+        yield f"ROS cannot write its logs into {place} ({reason}): set ROS_LOG_DIR to a folder that can be written"
