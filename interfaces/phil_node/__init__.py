@@ -1,1 +1,1 @@
-"""What every node of the test rig shares: parameters, QoS profiles, message guards, timing, kernels, the lifecycle base."""
+"""What every node of the rig shares: parameters, QoS profiles, message guards, timing, kernels, the lifecycle base."""
