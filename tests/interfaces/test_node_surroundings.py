@@ -1,0 +1,84 @@
+"""What is wrong in the environment is named before ROS starts, one line each, with exit code 2."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from phil_node.surroundings import complaints, installed
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def said(**environment: str) -> list[str]:
+    return list(complaints({"ROS_LOG_DIR": "/tmp", **environment}))
+
+
+def test_an_ordinary_environment_is_accepted(tmp_path: Path) -> None:
+    profiles = tmp_path / "profiles.xml"
+    profiles.write_text("<profiles/>")
+    assert said() == []
+    assert said(RMW_IMPLEMENTATION="", ROS_DOMAIN_ID="", ROS_LOCALHOST_ONLY="", FASTRTPS_DEFAULT_PROFILES_FILE="") == []
+    for name in installed(os.environ):
+        assert said(RMW_IMPLEMENTATION=name) == []
+    for text in ("0", "1", "101", "232"):
+        assert said(ROS_DOMAIN_ID=text) == []
+    assert said(ROS_LOCALHOST_ONLY="1", FASTRTPS_DEFAULT_PROFILES_FILE=str(profiles)) == []
+    assert said(ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET") == []
+
+
+def test_a_middleware_is_judged_by_its_library(tmp_path: Path) -> None:
+    (line,) = said(RMW_IMPLEMENTATION="rmw_other_cpp", AMENT_PREFIX_PATH=os.environ.get("AMENT_PREFIX_PATH", ""))
+    assert line.startswith("RMW_IMPLEMENTATION=rmw_other_cpp: it is not there")
+    assert "rmw_fastrtps_cpp" in line and "unset RMW_IMPLEMENTATION" in line and "ros-jazzy-rmw-other-cpp" in line
+    index = tmp_path / "share/ament_index/resource_index/rmw_typesupport"
+    index.mkdir(parents=True)
+    for name in ("rmw_implementation", "rmw_zenoh_cpp", "rmw_connextdds"):
+        (index / name).touch()
+    assert installed({"AMENT_PREFIX_PATH": str(tmp_path)}) == ["rmw_connextdds", "rmw_zenoh_cpp"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("ROS_DOMAIN_ID", text) for text in ("abc", "-1", "4x", "010", "0x10", "233", "1.0", " 3", "٣")),
+        *(("ROS_LOCALHOST_ONLY", text) for text in ("yes", "true", "2")),
+        *(("ROS_AUTOMATIC_DISCOVERY_RANGE", text) for text in ("localhost", "HOST", "OFF")),
+        ("RCUTILS_LOGGING_USE_STDOUT", "yes"),
+        ("RCUTILS_COLORIZED_OUTPUT", "auto"),
+        ("RCUTILS_LOGGING_BUFFERED_STREAM", "x"),
+        ("FASTRTPS_DEFAULT_PROFILES_FILE", "/none/profiles.xml"),
+        ("FASTDDS_DEFAULT_PROFILES_FILE", __file__),
+        ("FASTRTPS_DEFAULT_PROFILES_FILE", "/tmp"),
+        ("ROS_LOG_DIR", "/proc/none"),
+        ("ROS_LOG_DIR", __file__),
+    ],
+)
+def test_what_ros_would_take_for_something_else_is_named(name: str, value: str) -> None:
+    (line,) = said(**{name: value})
+    assert name in line and value in line and "\n" not in line
+
+
+def test_another_middleware_does_not_read_the_profiles_of_fast_dds() -> None:
+    lines = said(RMW_IMPLEMENTATION="rmw_other_cpp", FASTRTPS_DEFAULT_PROFILES_FILE="/none")
+    assert len(lines) == 1 and "rmw_other_cpp" in lines[0]
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["catenary_model.node", "impedance_mpc.node", "energy_monitor.node", "test_rig_sim.node", "ride", "record"],
+)
+def test_every_process_names_it_before_ros_is_loaded(module: str, tmp_path: Path) -> None:
+    environment = os.environ | {"RMW_IMPLEMENTATION": "rmw_other_cpp", "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = {"ride": ["ride", "--out", "ride"], "record": ["energy_monitor.record", "--out", "ride"]}
+    done = subprocess.run(
+        [sys.executable, "-m", *command.get(module, [module])],
+        env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1 and done.stderr.startswith("RMW_IMPLEMENTATION=rmw_other_cpp: ")
+    assert not (tmp_path / "ride").exists()
