@@ -106,24 +106,24 @@ phil_optional() {
   fi
 }
 
-# A digest of all that goes into the build: the sources, the Python version, where ROS 2 comes from.
+# A digest of all that goes into the build of packages and comes out of it: the sources, what is installed (somebody may
+# have built in between), the Python version, where ROS 2 comes from.
 phil_digest() {
   (
     cd "$PHIL_ROOT" || exit
-    find "$@" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -print0 | LC_ALL=C sort -z | xargs -0 sha256sum
+    local installed=("$@")
+    find "$@" "${installed[@]/#/install/}" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -print0 2>/dev/null | LC_ALL=C sort -z | xargs -0 sha256sum
     "$PHIL_VENV/bin/python" -V
     echo "$PHIL_ROS $PHIL_ROOT"
   ) | sha256sum
 }
 
 phil_build() {
-  local interfaces="$PHIL_ROOT/install/.phil-interfaces" packages="$PHIL_ROOT/install/.phil-packages" digest log
+  local interfaces="$PHIL_ROOT/install/.phil-interfaces" packages="$PHIL_ROOT/install/.phil-packages" log
   local nodes=(catenary_model impedance_mpc test_rig_sim energy_monitor) todo=()
   log="$PHIL_ROOT/log/build.txt"
-  digest="$(phil_digest interfaces)"
-  if [ "$(cat "$interfaces" 2>/dev/null)" != "$digest" ]; then
+  if [ "$(cat "$interfaces" 2>/dev/null)" != "$(phil_digest interfaces phil_interfaces)" ]; then
     phil_say "building messages (half a minute the first time)"
-    rm -rf "$PHIL_ROOT/build/phil_interfaces" "$PHIL_ROOT/install/phil_interfaces" "$interfaces"
     todo=(phil_interfaces "${nodes[@]}")
   elif [ "$(cat "$packages" 2>/dev/null)" != "$(phil_digest "${nodes[@]}")" ]; then
     phil_say "building nodes"
@@ -131,6 +131,9 @@ phil_build() {
   fi
   [ "${#todo[@]}" -eq 0 ] && return
   mkdir -p "$PHIL_ROOT/log" "$PHIL_ROOT/install"
+  # From scratch: what is there is only overwritten by files of a later date, and a file put back is an older one.
+  rm -rf "${todo[@]/#/$PHIL_ROOT/build/}" "${todo[@]/#/$PHIL_ROOT/install/}" "$packages"
+  [ "${todo[0]}" = phil_interfaces ] && rm -f "$interfaces"
   (
     cd "$PHIL_ROOT" &&
       python -m colcon build --packages-select "${todo[@]}" --event-handlers console_direct- console_cohesion+ >"$log" 2>&1
@@ -138,7 +141,7 @@ phil_build() {
     tail -n 40 "$log" >&2
     phil_fail "the build failed; all of it is in $log"
   }
-  printf '%s' "$digest" >"$interfaces"
+  phil_digest interfaces phil_interfaces >"$interfaces"
   phil_digest "${nodes[@]}" >"$packages"
 }
 
