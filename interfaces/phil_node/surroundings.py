@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import os
 import re
+import socket
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -56,6 +57,8 @@ def complaints(environment: Mapping[str, str]) -> Iterator[str]:
     if given.get("RMW_IMPLEMENTATION", "rmw_fastrtps").startswith("rmw_fastrtps"):
         for name in PROFILES:
             yield from _profiles(name, given)
+        yield from _peers(given)
+    yield from _keys(given)
     yield from _logs(given)
 
 
@@ -106,6 +109,23 @@ def _profiles(name: str, given: Mapping[str, str]) -> Iterator[str]:
         yield f"{name}={path}: cannot be read ({error.strerror}); correct the path or unset it"
     except ElementTree.ParseError as error:
         yield f"{name}={path}: is no XML ({error}); correct the file or unset it"
+
+
+def _peers(given: Mapping[str, str]) -> Iterator[str]:
+    """A node cannot be created while one of the peers has no address."""
+    for peer in filter(None, given.get("ROS_STATIC_PEERS", "").split(";")):
+        try:
+            socket.getaddrinfo(peer, None)
+        except (OSError, UnicodeError):
+            yield f"ROS_STATIC_PEERS: {peer!r} has no address; give names or addresses with ';' between them"
+
+
+def _keys(given: Mapping[str, str]) -> Iterator[str]:
+    if given.get("ROS_SECURITY_ENABLE") != "true" or given.get("ROS_SECURITY_STRATEGY") != "Enforce":
+        return
+    folder = given.get("ROS_SECURITY_KEYSTORE", "")
+    if not Path(folder).is_dir() or not folder:
+        yield f"ROS_SECURITY_KEYSTORE={folder}: is no folder, but ROS_SECURITY_STRATEGY=Enforce needs the keys in it"
 
 
 def _logs(given: Mapping[str, str]) -> Iterator[str]:

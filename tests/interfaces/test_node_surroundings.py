@@ -54,13 +54,23 @@ def test_a_middleware_is_judged_by_its_library(tmp_path: Path) -> None:
         ("FASTRTPS_DEFAULT_PROFILES_FILE", "/none/profiles.xml"),
         ("FASTDDS_DEFAULT_PROFILES_FILE", __file__),
         ("FASTRTPS_DEFAULT_PROFILES_FILE", "/tmp"),
+        ("ROS_STATIC_PEERS", "127.0.0.1;no host"),
         ("ROS_LOG_DIR", "/proc/none"),
         ("ROS_LOG_DIR", __file__),
     ],
 )
 def test_what_ros_would_take_for_something_else_is_named(name: str, value: str) -> None:
     (line,) = said(**{name: value})
-    assert name in line and value in line and "\n" not in line
+    assert name in line and value.split(";")[-1] in line and "\n" not in line
+
+
+def test_security_that_is_enforced_needs_keys(tmp_path: Path) -> None:
+    enforced = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
+    for keys in ({}, {"ROS_SECURITY_KEYSTORE": "/none"}):
+        (line,) = said(**enforced, **keys)
+        assert line.startswith("ROS_SECURITY_KEYSTORE=")
+    assert said(**enforced, ROS_SECURITY_KEYSTORE=str(tmp_path)) == []
+    assert said(ROS_SECURITY_ENABLE="true", ROS_STATIC_PEERS="127.0.0.1;localhost;") == []
 
 
 def test_another_middleware_does_not_read_the_profiles_of_fast_dds() -> None:
