@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import IO
 
+import pytest
 from hypothesis import settings
 
 
@@ -36,3 +37,11 @@ _CLAIM = _claim_domain()
 settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.register_profile("explore", deadline=None, derandomize=False, print_blob=True)
 settings.load_profile("repeatable")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep a file's tests on one worker (`-n 2 --dist loadgroup`), and all that start the nodes on the same one."""
+    if config.pluginmanager.hasplugin("xdist"):
+        for item in items:
+            group = "rides" if item.get_closest_marker("integration") else str(item.path)
+            item.add_marker(pytest.mark.xdist_group(group))
