@@ -1,12 +1,11 @@
 """A tensioned beam under point loads that repeat themselves, at rest, in closed form.
 
-Point loads P_i per period L whose sum is balanced by a uniform load (the weight) bend a tensioned beam
-T W'' - EI W'''' into W(zeta) = W_0 + sum P_i g(zeta - zeta_i), with the periodic Green's function
+Between point loads P_i, which a uniform load q (the weight) balances, a tensioned beam T W'' - EI W'''' = q is the
+parabola of a string through the heights s_i at the loads, less what bending rounds off its kinks:
 
-    g(r) = (1/T) (r^2/(2 L) - r/2 + L/12) - (lambda/(2 T)) sum_j exp(-|r + j L|/lambda),  0 <= r < L,  lambda^2 = EI/T.
+    W(zeta) = s(zeta) - (lambda/(2 T)) sum_i P_i exp(-|zeta - zeta_i|/lambda),   lambda^2 = EI/T.
 
-The first term is the string, the second rounds its kink. A uniform load has no part in g, whose mean is zero but for
-the rounding: it is what balances the points.
+The sum runs over all loads of all periods.
 """
 
 from __future__ import annotations
@@ -25,20 +24,16 @@ def _wrapped(r: Array, period: float) -> Array:
     return np.where(s >= period, 0.0, s)
 
 
-def string_green(r: Array, period: float, tension: float) -> tuple[Array, Array]:
-    """Periodic Green's function of a string (m/N) and its slope (1/N) at distance r (m) ahead of the load."""
-    s = _wrapped(r, period)
-    return (s * s / (2 * period) - s / 2 + period / 12) / tension, (s / period - 0.5) / tension
-
-
-def green(r: Array, period: float, wire: Wire) -> tuple[Array, Array]:
-    """Periodic Green's function g of a beam under tension (m/N) and its slope (1/N) at distance r (m) ahead."""
-    value, slope = string_green(r, period, wire.tension)
-    lam = wire.bending_length
-    s = _wrapped(r, period)
-    images = 2 * wire.tension * -np.expm1(-period / lam)
-    behind, ahead = np.exp(-s / lam) / images, np.exp(-(period - s) / lam) / images
-    return value - lam * (behind + ahead), slope + behind - ahead
+def _carried(load: Array, decay: Array, round_the_period: float) -> Array:
+    """Sum over all loads behind, y_i = decay_(i-1) y_(i-1) + load_i, round a period over which y decays so much."""
+    y, total, values = np.zeros(load.size), 0.0, list(zip(np.roll(decay, 1).tolist(), load.tolist(), strict=True))
+    for factor, own in values:
+        total = factor * total + own
+    total /= -np.expm1(-round_the_period)
+    for i, (factor, own) in enumerate(values):
+        total = factor * total + own
+        y[i] = total
+    return y
 
 
 class PeriodicBeam:
@@ -48,26 +43,29 @@ class PeriodicBeam:
     taken once, here, and not again at every point.
 
     Attributes: `wire`, `period` (m), `at` (m, rising, within one period) and `load` (N, up, point loads without the
-    weight of the wire), `height` W_0 (m).
+    uniform load).
     """
 
-    def __init__(self, wire: Wire, period: float, at: Array, load: Array, height: float) -> None:
-        """Sum the loads (any order, positions in [0, period))."""
-        order = np.argsort(at, kind="stable")
-        self.wire, self.period, self.height = wire, period, height
-        self.at: Array = np.asarray(at, dtype=np.float64)[order]
-        self.load: Array = np.asarray(load, dtype=np.float64)[order]
+    def __init__(self, wire: Wire, period: float, at: Array, load: Array, string: Array, weight: float) -> None:
+        """Take the loads (N) by rising place, the heights (m) of the string there, and the uniform load (N/m, down).
+
+        The loads have to be balanced by the uniform load, and the heights by the loads: `suspension` solves for them.
+        Several loads may share a place. Without any load the wire is level at height zero.
+        """
+        self.wire, self.period = wire, period
+        self.at: Array = np.asarray(at, dtype=np.float64)
+        self.load: Array = np.asarray(load, dtype=np.float64)
         if not self.at.size:
             return
-        distance = self.at[:, None] - self.at[None, :]
-        value, slope = string_green(distance, period, wire.tension)
-        self._value = height + value @ self.load
-        self._slope = slope @ self.load
-        self._bend = float(self.load.sum()) / (period * wire.tension)
+        gap = np.diff(self.at, append=self.at[:1] + period)
+        self._value: Array = np.asarray(string, dtype=np.float64)
+        self._bend = weight / wire.tension
+        rise = np.roll(self._value, -1) - self._value
+        self._slope = np.divide(rise, gap, out=np.zeros(gap.size), where=gap > 0.0) - 0.5 * self._bend * gap
         lam = wire.bending_length
-        scale = self.load / (2 * wire.tension * -np.expm1(-period / lam))
-        self._behind = np.exp(-_wrapped(distance, period) / lam) @ scale
-        self._ahead = np.exp(-_wrapped(-distance, period) / lam) @ scale
+        kink, decay = self.load / (2 * wire.tension), np.exp(-gap / lam)
+        self._behind = _carried(kink, decay, period / lam)
+        self._ahead = _carried(kink[::-1], np.roll(decay[::-1], -1), period / lam)[::-1]
 
     def _parts(self, zeta: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
         """Interval, distance from its left load (m), and what both exponentials are worth there (1)."""
@@ -84,7 +82,7 @@ class PeriodicBeam:
     def value(self, zeta: Array) -> Array:
         """Height at positions zeta, m."""
         if not self.at.size:
-            return np.full(np.shape(zeta), self.height)
+            return np.zeros(np.shape(zeta))
         k, left, behind, ahead = self._parts(zeta)
         string = self._value[k] + left * (self._slope[k] + 0.5 * self._bend * left)
         return np.asarray(string - self.wire.bending_length * (behind + ahead))
@@ -99,7 +97,7 @@ class PeriodicBeam:
     def string(self, zeta: Array) -> tuple[Array, Array, float]:
         """Height (m), slope (1) and curvature (1/m) of a wire of the same loads that does not resist bending."""
         if not self.at.size:
-            return np.full(np.shape(zeta), self.height), np.zeros(np.shape(zeta)), 0.0
+            return np.zeros(np.shape(zeta)), np.zeros(np.shape(zeta)), 0.0
         k, left, _, _ = self._parts(zeta)
         slope = self._slope[k] + self._bend * left
         return self._value[k] + left * (self._slope[k] + 0.5 * self._bend * left), slope, self._bend

@@ -1,13 +1,12 @@
 """Static equilibrium of the endless periodic line in closed form, and the unstressed dropper lengths that give it.
 
-Both wires are beams under tension that carry their weight and point loads (`periodic_beam`), over one period of the
-line with all its spans. Unknowns are the forces F of the droppers, the forces R of the masts and the heights W_0 of
-both wires; they follow from one small linear system, so the static shape does not depend on any mesh:
+Both wires are beams under tension that carry their weight and point loads, over one period of the line with all its
+spans. Unknowns are the forces F of the droppers, the forces R of the masts and the heights of both wires; they follow
+from one sparse linear system without any mesh (`suspension`), with one law per force:
 
     a dropper without given length   contact(zeta_i) = demanded height of the clamp (parabola of the span's pre_sag)
     a dropper of given length l_0    carrier(zeta_i) - contact(zeta_i) - F_i/k_d = l_0  if taut,  F_i = 0  if slack
-    a mast                           carrier(zeta_m) = encumbrance
-    balance                          sum F = weight of the contact wire,  sum R = weight of everything.
+    a mast                           carrier(zeta_m) = encumbrance.
 
 Where the lengths are computed, l_0 = carrier - contact - F/k_d. Which droppers of given length are taut is found by an
 active set. Half of a dropper's mass hangs as a point weight on either wire, at the clamp. The mass of a steady arm is
@@ -16,23 +15,29 @@ carried by its own support and the arm is unloaded at rest, so arms have no part
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from catenary_model.line import Line
-from catenary_model.periodic_beam import PeriodicBeam, green
+from catenary_model.periodic_beam import PeriodicBeam
+from catenary_model.suspension import LoadedWire, Suspension, incidence
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
+T = TypeVar("T")
 
 DROPPER, MAST, STEADY_ARM = 0, 1, 2
 """Kinds of `Sites`."""
 
-_TOLERANCE = 1e-12
-"""Elongation (m) up to which a dropper counts as neither taut nor slack."""
+_TOLERANCE = 1e-11
+"""Elongation (m) up to which a dropper counts as neither taut nor slack: beyond the rounding of 1000 spans."""
 _PATIENCE = 10
 
 
@@ -75,6 +80,10 @@ class Statics:
     contact_beam: PeriodicBeam
     """Contact wire with what acts on it: at every clamp the dropper's force less half of the dropper's weight."""
     carrier_beam: PeriodicBeam
+
+    def __post_init__(self) -> None:
+        for field in fields(self.sites):
+            getattr(self.sites, field.name).flags.writeable = False
 
     def contact(self, zeta: Array) -> Array:
         """Height of the contact wire at track positions zeta, m."""
@@ -143,83 +152,95 @@ def clamp_height(position: float, length: float, pre_sag: float) -> float:
     return -4.0 * pre_sag * s * (1.0 - s)
 
 
+@lru_cache(maxsize=8)
 def solve(line: Line) -> Statics:
     """Solve the static equilibrium; compute the unstressed lengths that the line does not give.
 
-    A contact wire without any dropper hangs from nothing: it is taken as level, its weight is left out.
+    A contact wire without any dropper hangs from nothing: it is taken as level, its weight is left out. Who asks again
+    for an equal line gets the same object, whose arrays cannot be written to.
 
     Raises StaticsError (a ValueError) naming the dropper if a computed length is not positive or not taut, or if the
     given lengths leave no equilibrium.
     """
     droppers = _Droppers.of(line)
     mast_at = np.array(line.span_starts)
+    hung = _hung(line, droppers, mast_at)
+    given = ~np.isnan(droppers.length)
+    n = given.size
     encumbrance = np.array([span.mast.encumbrance for span in line.spans])
+    on_carrier, on_contact = _height_rows(hung, droppers.at, mast_at)
+    both = np.arange(n, dtype=np.int64)
+    side = np.concatenate((np.where(given, -droppers.length, droppers.height), encumbrance))
+    carrier_known, contact_known = hung.carrier_known[on_carrier], hung.contact_known[on_contact]
+    side[:n] -= contact_known - np.where(given, carrier_known[:n], 0.0)
+    side[n:] -= carrier_known[n:]
+    clamps, masts = hung.contact_height[on_contact], hung.carrier_height[on_carrier[n:]]
+    distance = clamps - hung.carrier_height[on_carrier[:n]]
+    spring = hung.force_rows(both, 1.0 / droppers.stiffness)[:n]
+    alone = hung.force_rows(both, np.ones(n))[:n]
+
+    def try_out(taut: Flags) -> tuple[Array, Array]:
+        """Solve for these taut droppers; return the solution, and tension or slack as an elongation (m)."""
+        pick = [sparse.diags_array(mask.astype(np.float64)) for mask in (~given, given & taut, given & ~taut)]
+        laws = pick[0] @ clamps + pick[1] @ (distance + spring) + pick[2] @ alone
+        wanted = side.copy()
+        wanted[:n][given & ~taut] = 0.0
+        x = hung.factor(sparse.csr_array(sparse.vstack([laws, masts]))).solve(np.concatenate((wanted, hung.side)))
+        apart = -(distance @ x) + side[:n]
+        return x, np.where(given, np.where(taut, x[:n] / droppers.stiffness, apart), 0.0)
+
+    taut, x = one_sided(try_out, np.ones(n, dtype=np.bool_))
+    force, string, contact_string = hung.split(x)
+    tension = np.where(np.abs(force[:n]) <= _TOLERANCE * droppers.stiffness, 0.0, force[:n])
+    force = np.concatenate((np.where(given, np.maximum(tension, 0.0), tension), force[n:]))
+    carrier, contact = hung.carrier.beam(force, string), hung.contact.beam(force, contact_string)
+    distance_at_rest = carrier.value(droppers.at) - contact.value(droppers.at)
+    elongation = np.where(taut, force[:n] / droppers.stiffness, distance_at_rest - droppers.length)
+    length = np.where(given, droppers.length, distance_at_rest - elongation)
+    _refuse_impossible(line, droppers.name, force[:n], length)
+    return Statics(line, _sites(line, droppers, mast_at, force[:n], force[n:], elongation, length), contact, carrier)
+
+
+def _hung(line: Line, droppers: _Droppers, mast_at: Array) -> Suspension:
+    """Both wires with their weights, for the forces of the droppers and of the masts."""
     n, m, P, g = droppers.at.size, mast_at.size, line.period, line.gravity
     half = 0.5 * g * droppers.mass
-
-    # unknowns: F (n), R (m), W_0 of the carrier, W_0 of the contact wire (only with droppers)
-    carrier_at = np.concatenate((droppers.at, mast_at))
-    carrier_green = green(carrier_at[:, None] - carrier_at[None, :], P, line.carrier)[0]
-    contact_green = green(droppers.at[:, None] - droppers.at[None, :], P, line.contact)[0]
-    carrier_rows = np.zeros((n + m, n + m + 2))  # carrier's height at clamps and masts, by the unknowns
-    carrier_rows[:, :n], carrier_rows[:, n : n + m] = -carrier_green[:, :n], carrier_green[:, n:]
-    carrier_rows[:, n + m] = 1.0
-    carrier_known = -carrier_green[:, :n] @ half
-    contact_rows = np.zeros((n, n + m + 2))
-    contact_rows[:, :n], contact_rows[:, n + m + 1] = contact_green, 1.0
-    contact_known = -contact_green @ half
-
-    system, rhs = np.zeros((n + m + 2, n + m + 2)), np.zeros(n + m + 2)
-    given = ~np.isnan(droppers.length)
-    system[:n] = contact_rows
-    system[:n][given] -= carrier_rows[:n][given]
-    system[:n, :n] += np.diag(np.where(given, 1.0 / droppers.stiffness, 0.0))
-    rhs[:n] = np.where(given, carrier_known[:n] - droppers.length, droppers.height) - contact_known
-    system[n : n + m], rhs[n : n + m] = carrier_rows[n:], encumbrance - carrier_known[n:]
-    system[n + m, :n], system[n + m, n : n + m] = -1.0, 1.0
-    rhs[n + m] = line.carrier.mass_per_length * g * P + half.sum()
-    system[n + m + 1, :n] = 1.0
-    rhs[n + m + 1] = line.contact.mass_per_length * g * P + half.sum()
-    if not n:
-        system, rhs = system[:-1, :-1], rhs[:-1]
-
-    x, taut = one_sided(system, rhs, np.append(given, np.zeros(system.shape[0] - n, dtype=np.bool_)))
-    force, mast = np.where(np.abs(x[:n]) <= _TOLERANCE * droppers.stiffness, 0.0, x[:n]), x[n : n + m]
-    carrier = PeriodicBeam(line.carrier, P, carrier_at, np.append(-force - half, mast), float(x[n + m]))
-    contact = PeriodicBeam(line.contact, P, droppers.at, force - half, float(x[n + m + 1]) if n else 0.0)
-    distance = carrier.value(droppers.at) - contact.value(droppers.at)
-    elongation = np.where(taut[:n], force / droppers.stiffness, distance - droppers.length)
-    length = np.where(given, droppers.length, distance - elongation)
-    _refuse_impossible(line, droppers.name, force, length)
-    return Statics(line, _sites(line, droppers, mast_at, force, mast, elongation, length), contact, carrier)
+    place = np.concatenate((droppers.at, mast_at))
+    order = np.argsort(place)
+    signed = incidence(n + m, np.arange(n), np.arange(n), n + m, -1.0)
+    signed += incidence(n + m, np.arange(n, n + m), np.arange(n, n + m), n + m)
+    known = np.concatenate((-half, np.zeros(m)))
+    carrier = LoadedWire(line.carrier, P, place[order], signed[order], known[order], line.carrier.mass_per_length * g)
+    up = incidence(n, np.arange(n), np.arange(n), n + m)
+    return Suspension(carrier, LoadedWire(line.contact, P, droppers.at, up, -half, line.contact.mass_per_length * g))
 
 
-def one_sided(system: Array, rhs: Array, may_slacken: Flags, taut: Flags | None = None) -> tuple[Array, Flags]:
-    """Solve system x = rhs where flagged unknowns are tensions of one-sided springs.
+def _height_rows(hung: Suspension, dropper_at: Array, mast_at: Array) -> tuple[Indices, Indices]:
+    """Which load on the carrier belongs to every dropper and mast, and on the contact wire to every dropper."""
+    on_carrier = np.searchsorted(hung.carrier.at, np.concatenate((dropper_at, mast_at)))
+    return on_carrier, np.arange(dropper_at.size)
 
-    The row of such an unknown reads (its elongation without force) - (what its force changes) = 0, signed so that
-    rhs - system x without its own force is the elongation (m). It holds where x > 0; where not, x = 0 and the
-    elongation is negative. Block principal pivoting (Judice and Pires 1994): all that disagree change at once, one by
-    one where that does not settle. `taut` is the state to begin with, all taut by default.
 
-    Returns x and the flags of what is taut. Raises StaticsError without an equilibrium.
+def one_sided(try_out: Callable[[Flags], tuple[T, Array]], taut: Flags) -> tuple[Flags, T]:
+    """Find which one-sided springs are taut; return their flags and the solution that goes with them.
+
+    `try_out` solves for given flags; it returns its solution and an elongation (m) per spring: what its tension
+    stretches it by where it is taken as taut, how much too long the place is that it has where it is taken as slack.
+    One that is negative though taut, or positive though slack, disagrees (0 for what never slackens). Block principal
+    pivoting (Judice and Pires 1994): all that disagree change at once, one by one where that does not settle. `taut`
+    is the state to begin with. Raises StaticsError without an equilibrium.
     """
-    on = np.ones(rhs.size, dtype=np.bool_) if taut is None else taut | ~may_slacken
-    fewest, patience = rhs.size + 1, _PATIENCE
-    for _ in range(50 + 4 * int(may_slacken.sum())):
-        active = np.flatnonzero(on)
-        x = np.zeros(rhs.size)
+    on = taut.copy()
+    fewest, patience = taut.size + 1, _PATIENCE
+    for _ in range(50 + 4 * taut.size):
         try:
-            x[active] = np.linalg.solve(system[np.ix_(active, active)], rhs[active])
-        except np.linalg.LinAlgError:
+            solution, elongation = try_out(on)
+        except RuntimeError:  # singular: nothing holds a wire
             break
-        lacking = rhs - system @ x
-        # a tension as an elongation: times the compliance of its own row
-        wrong = may_slacken & (np.where(on, -x * np.abs(np.diag(system)), lacking) > _TOLERANCE)
+        wrong = np.where(on, -elongation, elongation) > _TOLERANCE
         count = int(wrong.sum())
         if not count:
-            x[may_slacken & (x < 0.0)] = 0.0
-            return x, on
+            return on, solution
         if count < fewest:
             fewest, patience = count, _PATIENCE
         elif patience:

@@ -1,8 +1,7 @@
 """Static deflection of the line under one vertical force on the contact wire, and the stiffness that it feels.
 
 The line is taken as endless: one force on a domain that repeats itself after so many periods of the line that the
-force does not feel its images. What is solved for is the deviation from rest, with the Green's functions of
-`periodic_beam`; the loads are the force f at x, what the droppers pull beyond rest, and the reactions of the masts
+force does not feel its images. What is solved for is the deviation from rest, as in `suspension`; the loads are the force f at x, what the droppers pull beyond rest, and the reactions of the masts
 (k_m, on the carrier) and of the steady arms (k_arm, on the contact wire). Droppers are one-sided springs:
 
     F_i = k_d e_i if e_i > 0, else 0,     e_i = e_i at rest + carrier's deviation - contact wire's deviation.
@@ -16,14 +15,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
-from catenary_model.periodic_beam import PeriodicBeam, green
-from catenary_model.statics import DROPPER, MAST, STEADY_ARM, Statics, StaticsError, one_sided
+from catenary_model.periodic_beam import PeriodicBeam
+from catenary_model.statics import DROPPER, MAST, STEADY_ARM, Flags, Statics, StaticsError, one_sided
+from catenary_model.suspension import Factor, LoadedWire, Suspension, incidence
 
 Array = NDArray[np.float64]
 
 _LEAST_LENGTH = 400.0
-_MOST_UNKNOWNS = 3000
+_LONGEST = 50e3
+"""Length (m) to which a shorter domain is repeated at most."""
+_KEPT_FACTORS = 4
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class PushedLine:
     """
 
     def __init__(self, rest: Statics, tolerance: float = 1e-5) -> None:
-        """Double the domain until the uplift under 1 N changes by less than `tolerance` of itself.
+        """Double the domain until half of it away from a push that lifts by u less than `tolerance` u is left.
 
         Raises StaticsError if nothing holds the contact wire, or if a push is felt too far away.
         """
@@ -60,19 +63,17 @@ class PushedLine:
         if not held.any():
             raise StaticsError("the contact wire hangs from nothing: it has no static stiffness")
         period = rest.line.period
-        probe = np.array([0.5 * rest.line.spans[0].length])
+        probe = 0.5 * rest.line.spans[0].length
         copies = int(np.ceil(_LEAST_LENGTH / period))
-        self._build(copies)
-        before = self.uplift(probe, 1.0)[0]
         while True:
-            copies *= 2
-            if copies * rest.sites.position.size > _MOST_UNKNOWNS:
-                raise StaticsError("the droppers, masts and arms are so soft that a push is felt too far away")
             self._build(copies)
-            after = self.uplift(probe, 1.0)[0]
-            if abs(after - before) <= tolerance * abs(after):
+            push = self.push(probe, 1.0)
+            far = float(push.contact(np.array(probe + 0.5 * self.length)))
+            if abs(far) <= tolerance * abs(push.uplift):
                 return
-            before = after
+            copies *= 2
+            if copies * period > _LONGEST:
+                raise StaticsError("the droppers, masts and arms are so soft that a push is felt too far away")
 
     def _build(self, copies: int) -> None:
         """Assemble the system for a domain of so many periods."""
@@ -84,53 +85,80 @@ class PushedLine:
             np.tile(column[used], copies) for column in (sites.kind, sites.stiffness, sites.force, sites.elongation)
         )
         self.length = copies * line.period
-        drop, mast, arm = kind == DROPPER, kind == MAST, kind == STEADY_ARM
-        self.dropper_positions: Array = position[drop]
+        # forces are numbered as the sites; what counts is what they change from rest
+        drop, count = kind == DROPPER, kind.size
+        self._drop, self.dropper_positions = np.flatnonzero(drop), position[drop]
         self._rest_force: Array = rest_force[drop]
-        self._rest_taut: NDArray[np.bool_] = self._rest_force > 0.0
-        n, m, a = int(drop.sum()), int(mast.sum()), int(arm.sum())
-        self._on_contact: Array = np.concatenate((position[drop], position[arm]))
-        on_carrier = np.concatenate((position[drop], position[mast]))
-        self._on_contact_rows = np.r_[0:n, n + m : n + m + a]
+        self._rest_stretch: Array = rest_stretch[drop]
+        self._spring: Array = k[drop]
+        every, sign = np.arange(count), np.where(drop, -1.0, 1.0)
+        on_carrier, on_contact = np.flatnonzero(kind != STEADY_ARM), np.flatnonzero(kind != MAST)
+        up = incidence(count, every, every, count)
+        down = sparse.csr_array(sparse.diags_array(sign) @ up)
+        carrier, contact = (
+            LoadedWire(wire, self.length, position[at], signed[at], np.zeros(at.size), 0.0)
+            for wire, at, signed in ((line.carrier, on_carrier, down), (line.contact, on_contact, up))
+        )
+        self._hung = hung = Suspension(carrier, contact)
+        # what shortens a spring: contact wire minus carrier for a dropper, the height of its wire for masts and arms
+        shorter = incidence(count, on_contact, np.arange(on_contact.size), on_contact.size) @ hung.contact_height
+        held = incidence(count, on_carrier, np.arange(on_carrier.size), on_carrier.size) @ hung.carrier_height
+        self._shorter = sparse.csr_array(shorter + sparse.diags_array(sign) @ held)
+        self._sprung = sparse.csr_array(self._shorter + hung.force_rows(every, 1.0 / k))
+        self._alone = hung.force_rows(every, np.ones(count))
+        self._factors: dict[bytes, Factor] = {}
 
-        # unknowns: F (n), mast reactions (m), arm reactions (a), mean deviation of the carrier, of the contact wire
-        size = n + m + a + 2
-        carrier = np.zeros((n + m, size))
-        matrix = green(on_carrier[:, None] - on_carrier[None, :], self.length, line.carrier)[0]
-        carrier[:, :n], carrier[:, n : n + m], carrier[:, -2] = -matrix[:, :n], matrix[:, n:], 1.0
-        contact = np.zeros((n + a, size))
-        matrix = green(self._on_contact[:, None] - self._on_contact[None, :], self.length, line.contact)[0]
-        contact[:, :n], contact[:, n + m : n + m + a], contact[:, -1] = matrix[:, :n], matrix[:, n:], 1.0
-
-        system = np.zeros((size, size))
-        system[:n] = contact[:n] - carrier[:n]
-        system[n : n + m], system[n + m : n + m + a] = carrier[n:], contact[n:]
-        at = np.arange(n + m + a)
-        system[at, at] += 1.0 / np.concatenate((k[drop], k[mast], k[arm]))
-        system[-2, :n], system[-2, n : n + m] = -1.0, 1.0
-        system[-1, :n], system[-1, n + m : n + m + a] = 1.0, 1.0
-        self._system = system
-        # all rows are written for the total tensions F: what the tensions at rest do goes to the right side
-        total = np.zeros(size)
-        total[:n] = self._rest_force
-        self._rest_side = system @ total
-        self._rest_side[:n] += rest_stretch[drop] - self._rest_force / k[drop]
-        self._one_sided = np.arange(size) < n
+    def _factor(self, taut: Flags) -> Factor:
+        """Factors for these taut droppers, kept for the next push."""
+        key = taut.tobytes()
+        if key not in self._factors:
+            while len(self._factors) >= _KEPT_FACTORS:
+                self._factors.pop(next(iter(self._factors)))
+            slack = np.zeros(self._sprung.shape[0])
+            slack[self._drop[~taut]] = 1.0
+            laws = sparse.diags_array(1.0 - slack) @ self._sprung + sparse.diags_array(slack) @ self._alone
+            self._factors[key] = self._hung.factor(sparse.csr_array(laws))
+        return self._factors[key]
 
     def push(self, position: float, force: float) -> Deflection:
         """Solve for a force (N, up) at a track position (m). Raises StaticsError without an equilibrium."""
-        n, wire = self._rest_force.size, self.rest.line.contact
-        rhs = self._rest_side.copy()
-        rhs[self._on_contact_rows] -= force * green(self._on_contact - position, self.length, wire)[0]
-        rhs[-1] -= force
-        taut = np.ones(rhs.size, dtype=np.bool_)
-        taut[:n] = self._rest_taut
-        x, _ = one_sided(self._system, rhs, self._one_sided, taut)
-        load = np.append(x[self._on_contact_rows], force)
-        load[:n] -= self._rest_force
-        at = np.append(self._on_contact, position % self.length)
-        beam = PeriodicBeam(wire, self.length, at, load, float(x[-1]))
-        return Deflection(force, float(beam.value(np.array(position))), x[:n], beam)
+        wire, hung, rest, k_d = self._hung.contact, self._hung, self._rest_force, self._spring
+        n, T, lam = wire.at.size, wire.wire.tension, wire.wire.bending_length
+        at = float(np.fmod(position % self.length, self.length))
+        after = int(np.searchsorted(wire.at, at, side="right"))
+        k, following = (after - 1) % n, after % n
+        left = at - wire.at[k] + (self.length if after == 0 else 0.0)
+        right = wire.at[following] - at + (self.length if after == n else 0.0)
+        share = left / (left + right)
+        # between two places the force is to them its shares on the string and what it rounds
+        wires = np.zeros(hung.side.size)
+        string, behind, ahead = wires[-3 * n :].reshape(3, n)
+        string[k] -= force * (1.0 - share)
+        string[following] -= force * share
+        behind[following] += force / (2.0 * T) * np.exp(-right / lam)
+        ahead[k] += force / (2.0 * T) * np.exp(-left / lam)
+
+        def try_out(taut: Flags) -> tuple[Array, Array]:
+            """Solve for these taut droppers; return the solution, and tension or slack as an elongation (m)."""
+            law = np.zeros(self._sprung.shape[0])
+            law[self._drop] = np.where(taut, self._rest_stretch - rest / k_d, -rest)
+            x = self._factor(taut).solve(np.concatenate((law, wires)))
+            stretch = self._rest_stretch - (self._shorter @ x)[self._drop]
+            return x, np.where(taut, (rest + x[self._drop]) / k_d, stretch)
+
+        taut, x = one_sided(try_out, rest > 0.0)
+        forces, _, height = hung.split(x)
+        here = (1.0 - share) * height[k] + share * height[following] + force * share * right / T
+        beam = PeriodicBeam(
+            wire.wire,
+            self.length,
+            np.insert(wire.at, after, at),
+            np.insert(wire.by_force @ forces, after, force),
+            np.insert(height, after, here),
+            0.0,
+        )
+        tensions = np.where(taut, np.maximum(rest + forces[self._drop], 0.0), 0.0)
+        return Deflection(force, float(beam.value(np.array(position))), tensions, beam)
 
     def uplift(self, positions: Array, force: float) -> Array:
         """Deflection of the contact wire under a force (N, up) at each of the track positions (m), m."""
