@@ -30,6 +30,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
@@ -40,6 +41,7 @@ from pydantic.fields import FieldInfo
 
 from catenary_model import statics
 from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, Wire
+from catenary_model.reach import refuse_unridable
 
 T = TypeVar("T")
 
@@ -168,10 +170,12 @@ def load_line(name_or_path: str | Path) -> Line:
     return parse_line(text, str(path), path.stem)
 
 
+@lru_cache(maxsize=4)
 def parse_line(text: str, source: str = "line", name: str = "unnamed") -> Line:
     """Make a line from YAML text; `source` leads every message, `name` is for a description without one.
 
-    The line is solved at rest, so that what cannot hang is refused here. Raises LineFileError.
+    The line is solved at rest, so that what cannot hang is refused here. The same text gives the same object, so a long
+    line is read once a process. Raises LineFileError.
     """
     try:
         content = yaml.load(text, Loader=_Loader)
@@ -188,7 +192,7 @@ def parse_line(text: str, source: str = "line", name: str = "unnamed") -> Line:
         raise LineFileError("\n".join(problems))
     line = _line(file, source, name)
     try:
-        statics.solve(line)
+        refuse_unridable(statics.solve(line))
     except statics.StaticsError as error:
         origin = [i for i, span in enumerate(file.spans) for _ in range(span.repeat)]
         span = None if error.span is None else origin[error.span]

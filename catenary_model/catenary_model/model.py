@@ -115,6 +115,7 @@ class Catenary(Observed):
         self.state: layout.State
         constants = self._constants()
         *self._packed, self.constants, self.state = arena.pack(constants, self._state(constants))
+        lattice.static_table(self.statics, self.mesh.h, self.constants.static)  # where it stays: there is no second one
         self._view = wire_view.WireView.of(self.mesh, self.statics)
         self.reset()
 
@@ -152,7 +153,7 @@ class Catenary(Observed):
             green=near,
             site=site_table(self.statics, config.one_sided_droppers),
             local=local,
-            static=lattice.static_table(self.statics, self.mesh.h),
+            static=lattice.blank_table(line.period),
             segment=self.reduced.compact,
             gain=gains(self.feedback),
         )

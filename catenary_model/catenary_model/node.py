@@ -12,6 +12,7 @@ from phil_interfaces.msg import CatenaryState, ImpedanceCommand, ImpedanceModel,
 
 from catenary_model.build import build
 from catenary_model.parameters import Parameters
+from catenary_model.reach import far_from_nominal
 from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from catenary_model.sequence import Sequence, Verdict
 from phil_node.base import ERROR, OK, WARN, Diagnosis, PhilNode, leave, run
@@ -31,6 +32,9 @@ class CatenaryNode(PhilNode[Parameters]):
         """Design the model, compile its kernels, publish the reduced model."""
         p = self.parameters
         self.catenary = build(p.config())
+        far = far_from_nominal(self.catenary.statics)
+        if far:
+            self.get_logger().warning(f"{far}: the drive has to reach that far (parameter 'line' = {p.line!r})")
         self.sequence = Sequence(p.max_bridged_cycles)
         self._bridged = 0
         self._ts_ns = round(p.cycle_time * 1e9)

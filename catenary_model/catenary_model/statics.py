@@ -207,8 +207,8 @@ def _hung(line: Line, droppers: _Droppers, mast_at: Array) -> Suspension:
     half = 0.5 * g * droppers.mass
     place = np.concatenate((droppers.at, mast_at))
     order = np.argsort(place)
-    signed = incidence(n + m, np.arange(n), np.arange(n), n + m, -1.0)
-    signed += incidence(n + m, np.arange(n, n + m), np.arange(n, n + m), n + m)
+    every = np.arange(n + m)
+    signed = sparse.csr_array(sparse.diags_array(np.where(every < n, -1.0, 1.0)))
     known = np.concatenate((-half, np.zeros(m)))
     carrier = LoadedWire(line.carrier, P, place[order], signed[order], known[order], line.carrier.mass_per_length * g)
     up = incidence(n, np.arange(n), np.arange(n), n + m)

@@ -1,8 +1,9 @@
 """Static deflection of the line under one vertical force on the contact wire, and the stiffness that it feels.
 
 The line is taken as endless: one force on a domain that repeats itself after so many periods of the line that the
-force does not feel its images. What is solved for is the deviation from rest, as in `suspension`; the loads are the force f at x, what the droppers pull beyond rest, and the reactions of the masts
-(k_m, on the carrier) and of the steady arms (k_arm, on the contact wire). Droppers are one-sided springs:
+force does not feel its images. What is solved for is the deviation from rest, as in `suspension`; the loads are the
+force f at x, what the droppers pull beyond rest, and the reactions of the masts (k_m, on the carrier) and of the steady
+arms (k_arm, on the contact wire). Droppers are one-sided springs:
 
     F_i = k_d e_i if e_i > 0, else 0,     e_i = e_i at rest + carrier's deviation - contact wire's deviation.
 

@@ -70,7 +70,11 @@ class LoadedWire:
         """W at the loads by the unknowns: coefficients of the forces, of (s, b, a), and the known part (m)."""
         one, lam = sparse.eye_array(self.at.size), self.wire.bending_length
         rounded = lam / (2.0 * self.wire.tension)
-        return Matrix(rounded * self.by_force), Matrix(sparse.hstack([one, -lam * one, -lam * one])), rounded * self.known
+        return (
+            Matrix(rounded * self.by_force),
+            Matrix(sparse.hstack([one, -lam * one, -lam * one])),
+            rounded * self.known,
+        )
 
     def beam(self, forces: Array, string: Array) -> PeriodicBeam:
         """Shape of the wire for solved forces (N) and heights s (m)."""
@@ -107,7 +111,7 @@ class Suspension:
         self.contact_known: Array = known_co
 
     def factor(self, laws: Matrix) -> Factor:
-        """Factor the system with these laws of the forces, (forces, unknowns). Raises RuntimeError if it is singular."""
+        """Factor the system with these laws of the forces, (forces, unknowns). Raises RuntimeError if singular."""
         return Factor(sparse.csc_array(sparse.vstack([laws, self._wires])))
 
     def force_rows(self, rows: Ints, value: Array) -> Matrix:

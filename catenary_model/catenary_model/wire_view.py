@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 _TABLE_STEP = 0.1
+_PIECE = 50_000
 
 
 @njit(cache=True, fastmath=False)
@@ -73,6 +74,8 @@ class WireView:
         period = statics.line.period
         samples = max(16, round(period / _TABLE_STEP))
         repeats = math.ceil((mesh.x[-1] - mesh.x[0]) / period) + 1
+        # in pieces: of a long line the work would take ten times the memory of the result
+        pieces = np.array_split(np.linspace(0.0, period, samples + 1), samples // _PIECE + 1)
         masts = statics.sites.position[statics.sites.kind == MAST]
         return cls(
             x=mesh.x.astype(np.float32),
@@ -80,7 +83,7 @@ class WireView:
             carrier=np.zeros(mesh.stations, dtype=np.float32),
             mast_x=np.zeros(0, dtype=np.float32),
             _droppers=np.zeros((2, max(1, repeats * statics.dropper_forces.size)), dtype=np.float32),
-            _carrier_at_rest=statics.carrier(np.linspace(0.0, period, samples + 1)),
+            _carrier_at_rest=np.concatenate([statics.carrier(piece) for piece in pieces]),
             _masts=masts,
         )
 

@@ -11,6 +11,7 @@ import yaml
 
 from catenary_model.line_file import LineFileError, dump_line, preset_names
 from catenary_model.parameters import line_of
+from catenary_model.reach import beyond_reach
 from phil_node.parameters import Group, ParameterError, build, config_file, defaults, infos, nest, read_file, values_of
 
 Settings = dict[str, dict[str, Any]]
@@ -168,3 +169,19 @@ def _check_together(settings: Mapping[str, Mapping[str, Any]]) -> None:
             listed = ", ".join(f"{name} {value:g} {unit}" for name, value in found.items())
             where = "in all nodes" if names == NODES else "in both"
             raise ParameterError(f"parameter '{key}' has to be the same {where}, but is: {listed}")
+    _check_reach(settings)
+
+
+def _check_reach(settings: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse a line whose contact wire is, or is lifted to, where the drive cannot go."""
+    wire, controller, rig = settings["catenary_model"], settings["impedance_mpc"], settings["test_rig_sim"]
+    if controller["environment"] != "catenary":
+        return
+    low = max(controller["position_minimum"], -rig["limits.position"])
+    high = min(controller["position_maximum"], rig["limits.position"])
+    problem = beyond_reach(line_of(wire["line"]), low, high, rig["uplift_force"])
+    if problem:
+        raise ParameterError(
+            f"catenary_model: parameter 'line' = {wire['line']!r}: {problem} (position_minimum, position_maximum of "
+            "impedance_mpc; limits.position of test_rig_sim)"
+        )

@@ -25,7 +25,7 @@ from scipy.special import sici
 
 from catenary_model import elements
 from catenary_model.absorbing.moving_beam import leap, shift
-from catenary_model.lattice import TABLE_SAMPLES, TABLE_STEP
+from catenary_model.lattice import blank_table
 from catenary_model.line import Wire
 from catenary_model.statics import Statics
 
@@ -163,44 +163,36 @@ def projection(dx: float, per_element: int) -> Array:
     return out
 
 
-def static_table(statics: Statics, grid: Grid) -> Array:
+def static_table(statics: Statics, grid: Grid, out: Array | None = None) -> Array:
     """Static shape of the contact wire on a node of the grid, over one period of the line.
 
-    Columns w, w', w'' in the format of `lattice.static_table`, shape (samples + 1, 6); the other three are zero.
+    Columns w, w', w'' in the format of `lattice.static_table`, shape (samples + 1, 6), `out` if given; the other three
+    are zero.
     """
-    line = statics.line
-    period, beam = line.period, statics.contact_beam
-    samples = min(max(16, round(period / TABLE_STEP)), TABLE_SAMPLES)
-    zeta = np.linspace(0.0, period, samples + 1)
-    table = np.zeros((samples + 1, 6))
+    period, beam, dx = statics.line.period, statics.contact_beam, grid.dx
+    table = np.zeros(blank_table(period).shape) if out is None else out
+    table[:] = 0.0
     if not beam.at.size:
         return table
-    for j, column in enumerate(_shape(statics, grid, zeta)):
-        table[:, j] = column
-    table[-1] = table[0]
-    return table
-
-
-def _shape(statics: Statics, grid: Grid, zeta: Array) -> tuple[Array, Array, Array]:
-    """Static shape on a node at track positions zeta, and its first and second derivative."""
-    beam, period, dx = statics.contact_beam, statics.line.period, grid.dx
-    value, slope, bend = (np.broadcast_to(part, zeta.shape).copy() for part in beam.string(zeta))
+    zeta = np.linspace(0.0, period, len(table))
+    table[:, 0], table[:, 1], table[:, 2] = beam.string(zeta)
     excess = grid.excess()
     total = excess - 0.5 * dx * np.arange(excess.size) / grid.wire.tension
     reach = dx * (excess.size - 4)
     kink = 0.5 / grid.wire.tension
-    copies = int(np.ceil((reach + zeta.max() - zeta.min() - period) / period)) + 1
+    copies = int(np.ceil(reach / period))
     for position, load in zip(beam.at, beam.load, strict=True):
         for at in position + period * np.arange(-copies, copies + 1):
-            near = np.abs(zeta - at) < reach
-            if not near.any():
-                continue
+            near = slice(*np.searchsorted(zeta, (at - reach, at + reach)))
             s = (at - zeta[near]) / dx  # the load's place relative to the node, in spacings
+            if not s.size:
+                continue
             e = np.floor(s).astype(np.int64)
             psi = weights(s - e)
             g = total[np.abs(e + np.arange(-1, 3)[:, None])]
             distance, side = np.abs(s) * dx, np.where(s > 0.0, 1.0, -1.0)
-            value[near] += load * ((g * psi[0]).sum(axis=0) + kink * distance)
-            slope[near] -= load * ((g * psi[1]).sum(axis=0) / dx + kink * side)
-            bend[near] += load * (g * psi[2]).sum(axis=0) / dx**2
-    return value, slope, bend
+            table[near, 0] += load * ((g * psi[0]).sum(axis=0) + kink * distance)
+            table[near, 1] -= load * ((g * psi[1]).sum(axis=0) / dx + kink * side)
+            table[near, 2] += load * (g * psi[2]).sum(axis=0) / dx**2
+    table[-1] = table[0]
+    return table

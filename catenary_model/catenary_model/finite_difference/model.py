@@ -121,6 +121,8 @@ class Catenary(Observed):
         self.state: own.State
         constants = self._constants()
         *self._packed, self.constants, self.state = arena.pack(constants, self._state(constants))
+        grid.static_table(self.statics, grids(config)[CONTACT], self.constants.static)  # where they stay
+        lattice.static_table(self.statics, self.segment_mesh.h, self.constants.rest)
         self._view = wire_view.WireView.of(self.mesh, self.statics)
         self.reset()
 
@@ -170,8 +172,8 @@ class Catenary(Observed):
             carry=shift(config.speed * config.step_time / mesh.h, config.grid_reach),
             site=site_table(self.statics, config.one_sided_droppers),
             local=local,
-            static=grid.static_table(self.statics, both[CONTACT]),
-            rest=lattice.static_table(self.statics, self.segment_mesh.h),
+            static=lattice.blank_table(line.period),
+            rest=lattice.blank_table(line.period),
             project=grid.projection(mesh.h, int(whole[own.PER_ELEMENT])),
             segment=self.reduced.compact,
         )
