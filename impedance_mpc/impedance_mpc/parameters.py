@@ -105,7 +105,10 @@ class Parameters(Group):
         "Changes of the active set after which the plan of the cycle before is used", unit="1", low=1, high=10000
     )
     qp_tolerance: float = parameter(
-        "Largest violation of a constraint that counts as none (mm, N)", unit="1", low=1e-12, high=0.01
+        "Violation of a constraint that counts as none: the change of the plan that would mend it (mm, N)",
+        unit="1",
+        low=1e-12,
+        high=0.01,
     )
     model_timeout: float = parameter("Time to wait for the impedance model", unit="s", low=0.1, high=600.0)
 
