@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-RING = 64
-"""Entries of the decimated books that either side may be ahead of the other."""
+KEPT = 5000
+"""Entries that either side may be ahead of the other: a subscription's queue, should it be read first."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,8 @@ class Agreement:
         self.momentum_difference = 0.0
         self.worst_energy = 0.0
         self.worst_momentum = 0.0
-        self._ours: list[Entry | None] = [None] * RING
-        self._theirs: list[Entry | None] = [None] * RING
-        self._index = 0
+        self._ours: dict[int, Entry] = {}
+        self._theirs: dict[int, Entry] = {}
 
     def ours(self, entry: Entry) -> None:
         """Take an entry of the monitor's own book."""
@@ -75,20 +74,16 @@ class Agreement:
         """True as long as no compared pair differed by more than the tolerance."""
         return self.disagreements == 0
 
-    def _take(self, entry: Entry, mine: list[Entry | None], others: list[Entry | None], *, swap: bool) -> None:
+    def _take(self, entry: Entry, mine: dict[int, Entry], others: dict[int, Entry], *, swap: bool) -> None:
         if self.closed_at is not None and entry.cycle >= self.closed_at:
             return
-        # The ring is searched rather than indexed: the books are decimated by a number that is the sender's business.
-        for place, other in enumerate(others):
-            if other is not None and other.cycle == entry.cycle:
-                others[place] = None
-                if swap:
-                    self._compare(other, entry)
-                else:
-                    self._compare(entry, other)
-                return
-        mine[self._index] = entry
-        self._index = (self._index + 1) % RING
+        other = others.pop(entry.cycle, None)
+        if other is not None:
+            self._compare(*((other, entry) if swap else (entry, other)))
+            return
+        mine[entry.cycle] = entry
+        if len(mine) > KEPT:
+            del mine[next(iter(mine))]
 
     def _compare(self, ours: Entry, theirs: Entry) -> None:
         tolerance = self.tolerance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -9,11 +10,18 @@ from energy_monitor.agreement import Agreement, Entry, SampleTrace, Tolerance
 from energy_monitor.books import CATENARY as OF_CATENARY
 from energy_monitor.books import FOLLOWING, Books, Meters
 from energy_monitor.contact_quality import ContactQuality
-from energy_monitor.cycles import AHEAD, Arrival, CycleMatcher, JumpFilter
+from energy_monitor.cycles import Arrival, CycleMatcher, JumpFilter
 from energy_monitor.parameters import Parameters
 
 RIG, COMMAND, CATENARY = 0, 1, 2
 STREAMS = ("rig", "command", "catenary")
+
+HEARTBEAT = 0.1
+"""s, how often the monitor is told the time at least while it runs."""
+HELD_UP = 0.4
+"""s without being told the time: it did not run, and knows nothing of what went on meanwhile."""
+LONGEST_CATCHING_UP = 10.0
+"""s that it gets at most to read what waited."""
 
 
 class RigSample(NamedTuple):
@@ -60,6 +68,8 @@ class Audit:
         self.agreement = Agreement(tolerance_of(parameters))
         self.trace = SampleTrace()
         self._jumps = [JumpFilter() for _ in STREAMS]
+        self._jumps_of_books = JumpFilter()
+        self._alive: float | None = None
         self.clear()
 
     def clear(self) -> None:
@@ -71,6 +81,9 @@ class Audit:
         self.trace.clear()
         for jumps in self._jumps:
             jumps.clear()
+        self._jumps_of_books.clear()
+        self._newest_entry = -1
+        self._caught_up = -math.inf
         self.refused = 0
 
     def rig(self, cycle: int, sample: RigSample, last: bool) -> bool:
@@ -99,14 +112,33 @@ class Audit:
 
     def believed(self, entry: Entry) -> None:
         """Take an entry of the controller's books."""
-        if entry.cycle > self.matcher.expected + AHEAD:
+        # Its topic may be read before the others: it is held against itself, too.
+        if not self._jumps_of_books.believes(entry.cycle, max(self.matcher.expected, self._newest_entry + 1)):
             self.refused += 1
-        else:
-            self.agreement.theirs(entry)
+            return
+        self._newest_entry = max(self._newest_entry, entry.cycle)
+        self.agreement.theirs(entry)
+
+    def alive(self, now: float) -> None:
+        """Note that the monitor runs; ``now`` in s, at least every HEARTBEAT.
+
+        After a gap it was held up itself, and gets as long again to catch up before anything counts as old.
+        """
+        if self._alive is None:
+            self._alive = now
+        self._watch(now)
+
+    def _watch(self, now: float) -> None:
+        if self._alive is None:  # nobody's heart beats: gaps say nothing
+            return
+        gap, self._alive = now - self._alive, now
+        if gap > HELD_UP:
+            self._caught_up = now + min(gap, LONGEST_CATCHING_UP)
 
     def settle(self, now: float) -> Iterator[tuple[int, Any]]:
         """Book every cycle that is complete by now; gives its number and header after it was booked; ``now`` in s."""
         matcher = self.matcher
+        self._watch(now)
         while (cycle := matcher.take(now)) is not None:
             rig: RigSample = matcher.payload(RIG, cycle)
             command: CommandSample = matcher.payload(COMMAND, cycle)
@@ -137,11 +169,12 @@ class Audit:
         )
 
     def complaints(self, now: float, age_limit: float) -> list[str]:
-        """Say in words what is wrong with the ride so far."""
+        """Say in words what is wrong with the ride so far; a time in which the monitor did not run is not the ride's."""
+        self._watch(now)
         matcher, agreement, trace = self.matcher, self.agreement, self.trace
         found = []
         age = matcher.age(now)
-        if age is not None and age > age_limit and not matcher.finished:
+        if age is not None and min(age, now - self._caught_up) > age_limit and not matcher.finished:
             found.append(f"no complete cycle for {age:.1f} s, waiting for cycle {matcher.next}")
         for name, count, cycles in zip(STREAMS, matcher.missing, matcher.missing_cycles, strict=True):
             if count:

@@ -1,8 +1,9 @@
 """Completeness and age of the cycles: streams of messages are matched by their cycle number.
 
-A small ring keeps what has come of the last cycles. Complete cycles are handed out in order; a cycle that is still
-incomplete when the ring needs its place, or when the ride's last cycle is complete, is given up and counted as missing
-in every stream that did not deliver it.
+Complete cycles are handed out in order. A cycle is given up, and counts as missing in every stream that did not deliver
+it, when none of these can deliver it any more: each of them has gone on, by itself, or the ride's last cycle is
+complete. How far another stream is ahead says nothing: who was held up is handed what waited topic by topic. So any
+interleaving of streams that are in order leads to the same counts.
 """
 
 from __future__ import annotations
@@ -20,6 +21,11 @@ CONFIRMED = 50
 """Successive messages beyond AHEAD, each ahead of the one before, that show a jump of the stream."""
 REMEMBERED = 8
 """Missing cycle numbers that are kept for people, per stream."""
+GAPS = 1000
+"""Gaps that are kept, per stream, to tell what comes too late from what comes twice."""
+CAPACITY = 15_000
+"""Messages of a stream that wait for the others at most, three times a subscription's queue; then the oldest cycle is
+given up though it might still come: memory has an end."""
 
 
 class Arrival(IntEnum):
@@ -56,18 +62,22 @@ class JumpFilter:
 class CycleMatcher(Generic[T]):
     """Matches several streams by cycle number, counts what is missing, double, late or out of order."""
 
-    def __init__(self, streams: Sequence[str], window: int) -> None:
-        """Match the named ``streams``; a cycle waits for at most ``window`` later cycles.
+    def __init__(self, streams: Sequence[str], window: int, capacity: int = CAPACITY) -> None:
+        """Match the named ``streams``.
+
+        What a stream has left out it may still deliver within its next ``window`` cycles; of each stream at most
+        ``capacity`` messages wait.
 
         Raises
         ------
         ValueError
-            No streams, or a window below 2.
+            No streams, a window below 2, or no room for a window.
         """
         if not streams or window < 2:
             raise ValueError("at least one stream and a window of 2 cycles are needed")
         self.streams = tuple(streams)
         self.window = window
+        self.capacity = max(capacity, 2 * window)
         self.clear()
 
     def clear(self) -> None:
@@ -83,26 +93,23 @@ class CycleMatcher(Generic[T]):
         self.newest = [-1] * count
         self.last: int | None = None
         self.completed_at: float | None = None
-        self._cycle = [[-1] * self.window for _ in range(count)]
-        self._payload: list[list[T | None]] = [[None] * self.window for _ in range(count)]
-        # complete cycles that had to make room before they were taken, and the one that was taken last of them
-        self._ready: deque[tuple[int, list[T | None]]] = deque()
-        self._taken: tuple[int, list[T | None]] = (-1, [])
+        self._waiting: list[dict[int, T]] = [{} for _ in range(count)]
+        self._gaps: list[deque[tuple[int, int]]] = [deque(maxlen=GAPS) for _ in range(count)]
+        self._taken: tuple[int, list[T]] = (-1, [])
 
     def accept(self, stream: int, cycle: int, payload: T) -> Arrival:
         """Take the message of ``cycle`` from ``stream`` (index into ``streams``); NEW and OUT_OF_ORDER are kept."""
-        slot = cycle % self.window
-        seen = self._cycle[stream]
-        if seen[slot] == cycle:
+        waiting = self._waiting[stream]
+        if cycle in waiting:
             self.duplicates += 1
             return Arrival.DUPLICATE
         if cycle < self.next:
-            self.stale += 1
-            return Arrival.STALE
-        if cycle >= self.next + self.window:
-            self._give_up_before(cycle - self.window + 1)
-        seen[slot] = cycle
-        self._payload[stream][slot] = payload
+            if any(first <= cycle < end for first, end in self._gaps[stream]):
+                self.stale += 1
+                return Arrival.STALE
+            self.duplicates += 1
+            return Arrival.DUPLICATE
+        waiting[cycle] = payload
         if cycle < self.newest[stream]:
             self.out_of_order += 1
             return Arrival.OUT_OF_ORDER
@@ -111,39 +118,28 @@ class CycleMatcher(Generic[T]):
 
     def take(self, now: float) -> int | None:
         """Give the next complete cycle, or None; ``now`` in s on any clock that runs on, for :meth:`age`."""
-        if self._ready:
-            self._taken = self._ready.popleft()
-            self.completed_at = now
-            return self._taken[0]
-        if not self._is_complete(self.next):
-            if self.last is None or self.next >= self.last or not self._is_complete(self.last):
+        while not self._is_complete(self.next):
+            if not self._is_lost():
                 return None
-            # The ride is over: nothing that is still missing will come.
-            while not self._is_complete(self.next):
-                self._give_up()
+            self._give_up()
         cycle = self.next
+        self._taken = (cycle, [waiting.pop(cycle) for waiting in self._waiting])
         self.next += 1
         self.complete += 1
         self.completed_at = now
         return cycle
 
     def payload(self, stream: int, cycle: int) -> T:
-        """Give what ``stream`` delivered for a cycle that :meth:`take` has just handed out.
+        """Give what ``stream`` delivered for the cycle that :meth:`take` has just handed out.
 
         Raises
         ------
         KeyError
-            The ring does not hold that cycle.
+            It was another cycle.
         """
-        if cycle == self._taken[0]:
-            kept = self._taken[1][stream]
-            if kept is not None:
-                return kept
-        slot = cycle % self.window
-        value = self._payload[stream][slot]
-        if self._cycle[stream][slot] != cycle or value is None:
+        if cycle != self._taken[0]:
             raise KeyError(f"{self.streams[stream]}: cycle {cycle}")
-        return value
+        return self._taken[1][stream]
 
     def finish(self, last: int) -> None:
         """Say that ``last`` is the ride's last cycle."""
@@ -169,36 +165,47 @@ class CycleMatcher(Generic[T]):
         return None if self.completed_at is None else now - self.completed_at
 
     def _is_complete(self, cycle: int) -> bool:
-        slot = cycle % self.window
-        return all(seen[slot] == cycle for seen in self._cycle)
+        return all(cycle in waiting for waiting in self._waiting)
+
+    @property
+    def _is_over(self) -> bool:
+        """Whether the ride's last cycle is complete, and not the next one: what lies between will not come."""
+        return self.last is not None and self.next < self.last and self._is_complete(self.last)
+
+    @property
+    def _is_full(self) -> bool:
+        return max(map(len, self._waiting)) > self.capacity
+
+    def _is_lost(self) -> bool:
+        """Tell whether every stream that lacks the next cycle has gone on without it."""
+        cycle = self.next
+        if all(
+            cycle in waiting or newest - cycle >= self.window
+            for waiting, newest in zip(self._waiting, self.newest, strict=True)
+        ):
+            return True
+        return self._is_over or self._is_full
 
     def _give_up(self) -> None:
-        slot = self.next % self.window
-        self.incomplete += 1
-        for stream, seen in enumerate(self._cycle):
-            if seen[slot] != self.next:
-                self._miss(stream, self.next, 1)
-        self.next += 1
+        """Give up the next cycle, and those behind it of which nothing has come; a jump is not walked through."""
+        count = 1
+        held = [waiting for waiting in self._waiting if waiting]
+        # A stream in order has its oldest message first: only if that is farther off can there be a jump.
+        if held and min(next(iter(waiting)) for waiting in held) > self.next + 1:
+            end = min(map(min, held))
+            if not (self._is_over or self._is_full):
+                end = min(end, min(self.newest) - self.window + 1)
+            count = max(1, end - self.next)
+        self.incomplete += count
+        for stream, waiting in enumerate(self._waiting):
+            if waiting.pop(self.next, None) is None:
+                self._miss(stream, count)
+        self.next += count
 
-    def _give_up_before(self, cycle: int) -> None:
-        # Only the ring can hold parts of a cycle; what lies behind it after a jump came from nobody.
-        in_ring = min(cycle, self.next + self.window)
-        while self.next < in_ring:
-            if self._is_complete(self.next):
-                slot = self.next % self.window
-                self._ready.append((self.next, [payload[slot] for payload in self._payload]))
-                self.next += 1
-                self.complete += 1
-            else:
-                self._give_up()
-        skipped = cycle - self.next
-        if skipped > 0:
-            self.incomplete += skipped
-            for stream in range(len(self.streams)):
-                self._miss(stream, self.next, skipped)
-            self.next = cycle
-
-    def _miss(self, stream: int, first: int, count: int) -> None:
+    def _miss(self, stream: int, count: int) -> None:
         self.missing[stream] += count
-        known = self.missing_cycles[stream]
+        known, gaps, first = self.missing_cycles[stream], self._gaps[stream], self.next
         known.extend(range(first, first + min(count, REMEMBERED - len(known))))
+        if gaps and gaps[-1][1] == first:
+            first = gaps.pop()[0]
+        gaps.append((first, self.next + count))

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 
 from energy_monitor import topics
 from energy_monitor.agreement import Entry
-from energy_monitor.audit import Audit, CatenarySample, CommandSample, RigSample, tolerance_of
+from energy_monitor.audit import HEARTBEAT, Audit, CatenarySample, CommandSample, RigSample, tolerance_of
 from energy_monitor.limits import evaluate, load, verdict
 from energy_monitor.parameters import Parameters
 from phil_node.base import Diagnosis, PhilNode, leave, run
@@ -65,6 +65,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         self.listen(ConservedQuantities, topics.BELIEVED, DEEP, self._on_believed)
         # Not by listen(): the catenary's initial state may come before this node is active, and belongs to the books.
         self._catenary = self.create_subscription(CatenaryState, topics.CATENARY_STATE, self._on_catenary, DEEP_KEPT)
+        self.every(HEARTBEAT, lambda: self._audit.alive(monotonic()))
         self.time_cycles(parameters.cycle_time)
 
     def discard(self) -> None:

@@ -45,7 +45,7 @@ class Parameters(Group):
         "Cycle time Ts, the same as of rig, controller and catenary", unit="s", low=1e-4, high=0.1
     )
     window: int = parameter(
-        "Later cycles that an incomplete cycle waits before it counts as missing", unit="1", low=2, high=100000
+        "Later cycles of a stream after which one that it has left out counts as missing", unit="1", low=2, high=100000
     )
     age_limit: float = parameter(
         "Age of the newest complete cycle above which a ride counts as stalled",

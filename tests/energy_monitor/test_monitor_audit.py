@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from energy_monitor.agreement import Entry
-from energy_monitor.audit import Audit, CatenarySample, CommandSample, RigSample
+from energy_monitor.audit import HEARTBEAT, Audit, CatenarySample, CommandSample, RigSample
 from energy_monitor.books import accumulated_of, books_of
 from energy_monitor.contact_quality import contact_quality_of
 from energy_monitor.parameters import Parameters
@@ -150,6 +152,70 @@ def test_a_stalled_ride_is_old():
     assert [cycle for cycle, _ in audit.settle(5.0)] == [0]
     assert audit.complaints(5.9, 1.0) == []
     assert audit.complaints(6.5, 1.0) == ["no complete cycle for 1.5 s, waiting for cycle 1"]
+
+
+def test_a_monitor_that_was_held_up_raises_no_alarm_of_its_own():
+    """Between two heartbeats it saw nothing; it gets as long again to read what waited, then the ride is stalled."""
+    audit, time = Audit(parameters()), 5.0
+    audit.catenary(0, CatenarySample(0.0, 0.0, 0.0, 0.0))
+    audit.rig(0, RigSample(None, 100.0, 0.0, 0.0, 0.0, 1), False)
+    audit.command(0, CommandSample(100.0, 100.0, 0.0, 100.0, 0))
+    audit.alive(time)
+    assert [cycle for cycle, _ in audit.settle(time)] == [0]
+    time += 3.0  # it was stopped
+    for beat in range(40):
+        assert audit.complaints(time, 1.0) == [], beat
+        audit.alive(time)
+        time += HEARTBEAT
+    audit.alive(time)
+    assert audit.complaints(time + HEARTBEAT, 1.0) == ["no complete cycle for 7.1 s, waiting for cycle 1"]
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.randoms(use_true_random=False), st.integers(1, 4))
+def test_any_order_of_reading_gives_the_books_of_the_one_in_step(chance, pieces):
+    """Topic by topic, the controller's books among them: the same books, figures and complaints to the bit."""
+    cycles = 1100
+    ride = invented(cycles)
+    lost = {(stream, chance.randrange(1, cycles - 1)) for stream in range(3) for _ in range(chance.randrange(4))}
+    whole = Audit(parameters())
+    streams = [[k for k in range(cycles) if (stream, k) not in lost] for stream in range(3)] + [range(0, cycles, 10)]
+    entries = {}
+
+    def told(audit, stream, k):
+        if stream == 0:
+            audit.rig(k, ride.rig(k), k == cycles - 1)
+        elif stream == 1:
+            audit.command(k, ride.command(k))
+        elif stream == 2:
+            audit.catenary(k, ride.catenary(k))
+        elif k in entries:
+            audit.believed(entries[k])
+        for cycle, _ in audit.settle(0.0):
+            if cycle % 10 == 0:
+                entries.setdefault(cycle, audit.entry(cycle))
+                audit.agreement.ours(audit.entry(cycle))
+
+    for k in range(cycles):
+        for stream in range(3):
+            if k in streams[stream]:
+                told(whole, stream, k)
+    for k in range(0, cycles, 10):
+        told(whole, 3, k)
+    late = Audit(parameters())
+    for piece in range(pieces):
+        for stream in chance.sample(range(4), 4):
+            length = -(-len(streams[stream]) // pieces)
+            for k in streams[stream][piece * length : (piece + 1) * length]:
+                told(late, stream, k)
+    for one in (whole, late):
+        assert one.matcher.complete == cycles - len({k for _, k in lost})
+        assert one.matcher.missing == [sum(stream == s for s, _ in lost) for stream in range(3)]
+        assert one.refused == 0
+    assert late.entry(0) == whole.entry(0)
+    assert late.quality.statistics == whole.quality.statistics
+    assert late.agreement.compared == whole.agreement.compared > 100
+    assert late.complaints(0.0, 1.0) == whole.complaints(0.0, 1.0)
 
 
 def test_disagreement_with_the_controller_is_said():

@@ -30,11 +30,11 @@ def feed(matcher, stream, cycles, now=0.0):
 @settings(max_examples=50, deadline=None)
 @given(st.integers(1, 60), st.integers(2, 30), st.randoms(use_true_random=False), st.integers(0, 5))
 def test_complete_streams_give_every_cycle_once_in_order(count, window, chance, doubles):
-    # Each stream is in order, the three are interleaved at random but never further apart than the window.
+    # Each stream is in order, the three are interleaved at random.
     matcher = CycleMatcher(STREAMS, window)
     position, taken = [0, 0, 0], []
     while min(position) < count:
-        stream = chance.choice([s for s in range(3) if position[s] < min(count, min(position) + window)])
+        stream = chance.choice([s for s in range(3) if position[s] < count])
         taken += feed(matcher, stream, [position[stream]])
         if doubles and chance.random() < 0.1 * doubles:
             assert matcher.accept(stream, position[stream], (stream, position[stream])) is Arrival.DUPLICATE
@@ -78,14 +78,89 @@ def test_out_of_order_messages_still_make_a_cycle():
     assert matcher.out_of_order == 2
 
 
+@st.composite
+def rides(draw):
+    """Three streams in order, each with its own gaps and doubles, and the order in which they are read."""
+    count = draw(st.integers(5, 120))
+    streams = []
+    for _ in range(3):
+        lost = draw(st.sets(st.integers(0, count - 2), max_size=10))
+        sent = [cycle for cycle in range(count) if cycle not in lost]
+        for place in sorted(draw(st.lists(st.integers(0, len(sent) - 1), max_size=6)), reverse=True):
+            sent.insert(place, sent[place])
+        streams.append(sent)
+    order = [stream for stream in range(3) for _ in streams[stream]]
+    pieces = draw(st.integers(1, 6))  # few pieces: long bursts, topic by topic
+    if draw(st.booleans()):
+        order = draw(st.permutations(order))
+    else:
+        order = [s for k in range(pieces) for s in draw(st.permutations((0, 1, 2))) for _ in streams[s][k::pieces]]
+    return count, streams, order
+
+
+@settings(max_examples=60, deadline=None)
+@given(rides(), st.integers(2, 30))
+def test_any_order_of_reading_gives_the_counts_of_the_one_in_step(ride, window):
+    count, streams, order = ride
+
+    def read(order):
+        matcher, taken, left = CycleMatcher(STREAMS, window), [], [list(stream) for stream in streams]
+        for stream in order:
+            cycle = left[stream].pop(0)
+            if stream == 0 and cycle == count - 1:
+                matcher.finish(cycle)
+            taken += feed(matcher, stream, [cycle])
+        assert matcher.finished
+        counts = matcher.complete, matcher.incomplete, matcher.missing, matcher.missing_cycles
+        return taken, *counts, matcher.duplicates, matcher.stale, matcher.out_of_order
+
+    in_step = [stream for cycle in range(count) for stream in range(3) for _ in range(streams[stream].count(cycle))]
+    found = read(order)
+    assert found == read(in_step)
+    assert found[0] == [cycle for cycle in range(count) if all(cycle in stream for stream in streams)]
+    assert found[3] == [count - len(set(stream)) for stream in streams]
+    assert found[5] == sum(len(stream) - len(set(stream)) for stream in streams)
+    assert found[6:] == (0, 0)
+
+
+@pytest.mark.parametrize("late", [600, 5000])
+def test_who_was_held_up_loses_nothing(late):
+    """All that waited comes topic by topic."""
+    matcher, taken = CycleMatcher(STREAMS, 100), []
+    for burst in (range(late), range(late, 2 * late)):
+        for stream in (1, 0, 2):
+            taken += feed(matcher, stream, burst)
+    assert taken == list(range(2 * late))
+    assert matcher.missing == [0, 0, 0]
+    assert not any(matcher._waiting)
+
+
+def test_memory_has_an_end():
+    """A stream that is silent for good does not let the others pile up; what it then still sends is too late."""
+    matcher = CycleMatcher(STREAMS, 4, capacity=50)
+    for cycle in range(1000):
+        for stream in (0, 2):
+            feed(matcher, stream, [cycle])
+        assert max(map(len, matcher._waiting)) <= 51
+    assert matcher.missing == [0, 950, 0]
+    assert matcher.accept(1, 3, (1, 3)) is Arrival.STALE
+    assert feed(matcher, 1, range(950, 1000)) == list(range(950, 1000))
+
+
 def test_a_cycle_that_was_given_up_is_stale_when_it_comes():
     matcher = CycleMatcher(STREAMS, 4)
     feed(matcher, 0, range(10))
-    assert matcher.next == 6
+    assert (matcher.next, matcher.missing) == (0, [0, 0, 0])  # the others may still bring them all
+    feed(matcher, 2, range(10))
+    feed(matcher, 1, (0, 1, 3, 4, 5))
+    assert matcher.next == 2
+    feed(matcher, 1, [6])
+    assert matcher.next == 7
     assert matcher.accept(1, 2, (1, 2)) is Arrival.STALE
-    assert matcher.stale == 1
-    assert matcher.missing == [0, 6, 6]
-    assert matcher.pending == 4
+    assert matcher.accept(1, 1, (1, 1)) is Arrival.DUPLICATE
+    assert (matcher.stale, matcher.duplicates) == (1, 1)
+    assert matcher.missing == [0, 1, 0]
+    assert matcher.pending == 3
 
 
 def test_a_repeated_last_message_is_no_stale_one():
@@ -99,9 +174,13 @@ def test_a_repeated_last_message_is_no_stale_one():
 def test_a_jump_is_counted_without_walking_through_it():
     matcher = CycleMatcher(STREAMS, 100)
     feed(matcher, 0, [0, 1])
-    matcher.accept(0, 10**12, (0, 10**12))
-    assert matcher.missing == [10**12 - 99 - 2, 10**12 - 99, 10**12 - 99]
+    for stream, missing in ((2, [0, 0, 0]), (1, [0, 2, 2])):
+        assert feed(matcher, stream, [10**12]) == []
+        assert matcher.missing == missing
+    assert feed(matcher, 0, [10**12]) == []
+    assert matcher.missing == [10**12 - 99 - 2, 10**12 - 99, 10**12 - 99]  # the rest might come out of order
     assert matcher.missing_cycles[1] == list(range(8))
+    assert matcher.accept(2, 7, (2, 7)) is Arrival.STALE
 
 
 def test_the_state_after_the_last_cycle_is_not_missed_elsewhere():
@@ -133,13 +212,13 @@ def test_after_clear_cycle_0_is_expected_again():
     assert feed(matcher, 1, [0]) == [0]
 
 
-def test_a_payload_that_left_the_ring_is_not_given():
+def test_only_the_payload_of_the_cycle_just_taken_is_given():
     matcher = CycleMatcher(STREAMS, 4)
     for stream in range(3):
-        feed(matcher, stream, [0])
-    feed(matcher, 0, [4])
-    with pytest.raises(KeyError):
-        matcher.payload(0, 0)
+        feed(matcher, stream, [0, 1])
+    for cycle in (0, 2):
+        with pytest.raises(KeyError):
+            matcher.payload(0, cycle)
 
 
 def test_a_stray_number_is_not_believed_but_a_jump_is():
