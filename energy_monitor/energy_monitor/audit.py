@@ -169,7 +169,7 @@ class Audit:
         )
 
     def complaints(self, now: float, age_limit: float) -> list[str]:
-        """Say in words what is wrong with the ride so far; a time in which the monitor did not run is not the ride's."""
+        """Say in words what is wrong with the ride so far; time in which the monitor did not run does not count."""
         self._watch(now)
         matcher, agreement, trace = self.matcher, self.agreement, self.trace
         found = []
