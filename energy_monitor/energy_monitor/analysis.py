@@ -7,7 +7,7 @@ are then compared with the result.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from typing import Any
 
@@ -20,9 +20,9 @@ from energy_monitor.books import accumulated_of, books_of
 from energy_monitor.contact_quality import low_passed, run_in_cycles
 from energy_monitor.report import comparison, nodes
 from energy_monitor.report.alignment import Aligned, align, cycle_time
+from energy_monitor.report.contact import contact_force, losses
 from energy_monitor.report.results import (
     Conservation,
-    ContactForce,
     Correction,
     Report,
     Ride,
@@ -41,12 +41,16 @@ LAG_WINDOW = 0.1
 
 @dataclass(frozen=True)
 class Settings:
-    """How to evaluate: `run_in` in s, `loss_threshold` in N, `cutoff` in Hz and `order` of the force's low-pass."""
+    """How to evaluate: `run_in` in s, `cutoff` in Hz and `order` of the force's low-pass.
+
+    Contact is lost at or below `loss_threshold` in N; a loss counts from `loss_duration` in s on.
+    """
 
     run_in: float = 2.0
     loss_threshold: float = 2.0
     cutoff: float = 20.0
     order: int = 6
+    loss_duration: float = 0.0
 
 
 def analyse(
@@ -83,11 +87,14 @@ def analyse(
             "position, energy and force are not judged."
         )
         series = _series(bag, aligned, ts, _without_run_in(settings))
-    force = contact_force(series, settings, prediction_error(aligned, series.evaluated))
+    lost = losses(series, ts, settings.loss_threshold, settings.loss_duration)
+    force = contact_force(series, settings.loss_duration, lost, prediction_error(aligned, series.evaluated))
     track = tracking(series, ts)
     conservation = conserved(series)
     agreement = comparison.books(series, bag, nodes.left_the_catenary(aligned))
-    quality = comparison.contact_quality(series, bag, ts, settings.loss_threshold, settings.cutoff, settings.order)
+    quality = comparison.contact_quality(
+        series, bag, ts, settings.loss_threshold, settings.cutoff, settings.order, settings.loss_duration
+    )
     ride = _ride(bag, aligned, ts, speed, series)
     return Report(
         ride=ride,
@@ -110,6 +117,7 @@ def analyse(
         streams=aligned.streams,
         tracking=track,
         contact_force=force,
+        losses=lost,
         conservation=conservation,
         agreement=[*agreement, *quality],
         correction=correction(aligned),
@@ -174,32 +182,6 @@ def lag(leader: Floats, follower: Floats, ts: float, window: float = LAG_WINDOW)
     shift = 0.5 * (left - right) / curvature if curvature < 0.0 else 0.0
     peak = middle - 0.25 * (left - right) * shift
     return float((best - n + shift) * ts), float(min(peak, 1.0))
-
-
-def contact_force(series: Series, settings: Settings, prediction: float | None = None) -> ContactForce:
-    """Give the statistics of EN 50317: force low-passed at 20 Hz after the run-in, loss by the measured force.
-
-    `prediction` is the rms error of the force that was predicted, N.
-    """
-    used = series.evaluated
-    force, filtered = series.f_tr[used], series.f_filtered[used]
-    mean, sigma = float(filtered.mean()), float(filtered.std())
-    lost = force <= settings.loss_threshold
-    return ContactForce(
-        samples=len(filtered),
-        mean=mean,
-        sigma=sigma,
-        sigma_share=sigma / mean if mean > 0.0 else float("nan"),
-        minimum=float(filtered.min()),
-        maximum=float(filtered.max()),
-        statistical_minimum=mean - 3.0 * sigma,
-        statistical_maximum=mean + 3.0 * sigma,
-        loss_share=float(lost.mean()),
-        losses=int(lost[0]) + int(np.count_nonzero(lost[1:] & ~lost[:-1])),
-        raw_minimum=float(series.f_raw[used].min()),
-        raw_maximum=float(series.f_raw[used].max()),
-        prediction_error=prediction,
-    )
 
 
 def prediction_error(aligned: Aligned, used: NDArray[np.bool_]) -> float | None:
@@ -291,7 +273,7 @@ def _share(part: float, whole: float) -> float | None:
 
 
 def _without_run_in(settings: Settings) -> Settings:
-    return Settings(0.0, settings.loss_threshold, settings.cutoff, settings.order)
+    return replace(settings, run_in=0.0)
 
 
 def _evaluated(cycle: NDArray[np.int64], counted: NDArray[np.bool_], wait: int) -> NDArray[np.bool_]:

@@ -63,7 +63,12 @@ class Audit:
         self.matcher: CycleMatcher[Any] = CycleMatcher(STREAMS, parameters.window)
         self.books = Books(parameters.cycle_time)
         self.quality = ContactQuality(
-            parameters.cycle_time, contact.run_in, contact.loss_threshold, contact.cutoff, contact.order
+            parameters.cycle_time,
+            contact.run_in,
+            contact.loss_threshold,
+            contact.cutoff,
+            contact.order,
+            contact.loss_duration,
         )
         self.agreement = Agreement(tolerance_of(parameters))
         self.trace = SampleTrace()

@@ -2,8 +2,9 @@
 
 EN 50317 names the cut-off frequency, not the filter: a causal Butterworth low-pass is used, its order is a parameter.
 The filter starts in the steady state of the first sample, so that it has no start-up transient of its own. Contact is
-lost where the *measured* force (before the 20 Hz low-pass, which would hide a short loss) is at or below a threshold.
-:class:`ContactQuality` takes one cycle at a time, :func:`contact_quality_of` a whole ride.
+lost where the *measured* force (before the 20 Hz low-pass, which would hide a short loss) is at or below a threshold;
+a loss counts if it lasts long enough, as an arc does. :class:`ContactQuality` takes one cycle at a time,
+:func:`contact_quality_of` a whole ride.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ CUTOFF = 20.0
 class ContactStatistics:
     """What is said of a ride's contact force: N, but for ``loss_share`` (1) and the two counts.
 
-    ``sigma`` is the root mean square about the mean (division by the number of samples). All zero for no samples.
+    ``sigma`` is the root mean square about the mean (division by the number of samples). ``loss_share`` and ``losses``
+    are of those losses that last long enough to count. All zero for no samples.
     """
 
     samples: int = 0
@@ -75,6 +77,19 @@ def run_in_cycles(run_in: float, ts: float) -> int:
     return max(0, math.ceil(run_in / ts - 1e-6))
 
 
+def cycles_of_loss(duration: float, ts: float) -> int:
+    """Give the cycles of the shortest loss that counts, from its ``duration`` in s; at least one."""
+    return max(1, math.ceil(duration / ts - 1e-6))
+
+
+def losses_of(lost: NDArray[np.bool_], least: int = 1) -> NDArray[np.int64]:
+    """List the losses of at least ``least`` entries in a record of lost contact: first entry and length, (n, 2)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(np.int8)))
+    begin, length = edges[::2], edges[1::2] - edges[::2]
+    found: NDArray[np.int64] = np.stack([begin, length], axis=1)[length >= least].astype(np.int64)
+    return found
+
+
 class LowPass:
     """The filter of :func:`low_pass` for one sample at a time (scalars: an array call costs more than the filter)."""
 
@@ -112,11 +127,16 @@ class ContactQuality:
         loss_threshold: float,
         cutoff: float = CUTOFF,
         order: int = 6,
+        loss_duration: float = 0.0,
     ) -> None:
-        """Leave out the first ``run_in`` s; contact is lost at or below ``loss_threshold`` N; ``cutoff`` in Hz."""
+        """Leave out the first ``run_in`` s; contact is lost at or below ``loss_threshold`` N; ``cutoff`` in Hz.
+
+        A loss counts, from its beginning on, once it has lasted ``loss_duration`` s.
+        """
         self._filter = LowPass(low_pass(ts, cutoff, order))
         self._first = run_in_cycles(run_in, ts)
         self._threshold = loss_threshold
+        self._least = cycles_of_loss(loss_duration, ts)
         self.clear()
 
     def clear(self) -> None:
@@ -130,7 +150,7 @@ class ContactQuality:
         self._maximum = -math.inf
         self._lost_cycles = 0
         self._losses = 0
-        self._lost = False
+        self._lost = 0
 
     def add(self, cycle: int, force: float) -> float:
         """Take the measured ``force`` in N of cycle k; cycles come in order. Gives the low-passed force in N."""
@@ -146,12 +166,15 @@ class ContactQuality:
             self._minimum = filtered
         if filtered > self._maximum:
             self._maximum = filtered
-        lost = force <= self._threshold
-        if lost:
+        if force > self._threshold:
+            self._lost = 0
+            return filtered
+        self._lost += 1
+        if self._lost > self._least:
             self._lost_cycles += 1
-            if not self._lost:
-                self._losses += 1
-        self._lost = lost
+        elif self._lost == self._least:
+            self._lost_cycles += self._least
+            self._losses += 1
         return filtered
 
     @property
@@ -177,19 +200,23 @@ def contact_quality_of(
     loss_threshold: float,
     cutoff: float = CUTOFF,
     order: int = 6,
+    loss_duration: float = 0.0,
 ) -> ContactStatistics:
-    """Give the statistics of a whole ride from its measured force (N, entry k is cycle k)."""
+    """Give the statistics of a whole ride from its measured force (N, entry k is cycle k).
+
+    Losses shorter than ``loss_duration`` in s are left out.
+    """
     first = run_in_cycles(run_in, ts)
     filtered = low_passed(force, ts, cutoff, order)[first:]
     if filtered.size == 0:
         return ContactStatistics()
-    lost = force[first:] <= loss_threshold
+    losses = losses_of(force[first:] <= loss_threshold, cycles_of_loss(loss_duration, ts))
     return ContactStatistics(
         samples=int(filtered.size),
         mean=float(filtered.mean()),
         sigma=float(filtered.std()),
         minimum=float(filtered.min()),
         maximum=float(filtered.max()),
-        loss_share=float(lost.mean()),
-        losses=int(lost[0]) + int(np.count_nonzero(lost[1:] & ~lost[:-1])),
+        loss_share=float(losses[:, 1].sum() / filtered.size),
+        losses=len(losses),
     )

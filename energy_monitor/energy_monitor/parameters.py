@@ -15,6 +15,12 @@ class ContactParameters(Group):
         low=0.0,
         high=50.0,
     )
+    loss_duration: float = parameter(
+        "Shortest loss of contact that counts; arcs count from 0.005 s on (TSI ENE with EN 50317, as commonly quoted)",
+        unit="s",
+        low=0.0,
+        high=1.0,
+    )
     cutoff: float = parameter("Cut-off of the low-pass; 20 Hz in EN 50317", unit="Hz", low=1.0, high=200.0)
     order: int = parameter(
         "Order of the causal Butterworth low-pass; EN 50317 leaves it open", unit="1", low=1, high=10

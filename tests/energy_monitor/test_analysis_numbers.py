@@ -310,6 +310,40 @@ def test_losses_are_counted(make: Make) -> None:
     assert force.loss_share == pytest.approx(4 / 500)
 
 
+def test_losses_are_listed_with_place_and_length(make: Make) -> None:
+    """Masts of the synthetic line stand every 60 m; 250 km/h are 0.1389 m a cycle."""
+    report = make(no_contact=(1100, 1101, 1102, 1300), settings=Settings(loss_duration=0.005))
+    force, (long, short) = report.contact_force, report.losses
+    assert (force.losses, force.shorter_losses, force.loss_duration) == (1, 1, 0.005)
+    assert force.loss_share == pytest.approx(3 / 500)
+    assert verdict(report, "contact").value == pytest.approx(0.6)
+    assert "at least 5 ms; 1 shorter" in verdict(report, "contact").source
+    assert (long.cycle, long.cycles, long.counted, short.cycle, short.cycles, short.counted) == (
+        1100, 3, True, 1300, 1, False,
+    )  # fmt: skip
+    assert (long.time, long.length, long.lowest_force) == pytest.approx((2.2, 0.006, 0.0))
+    for loss in (long, short):
+        place = loss.cycle * TS * 250.0 / 3.6
+        assert loss.track_position == pytest.approx(place)
+        assert loss.mast_before == pytest.approx(60.0 * math.floor(place / 60.0), abs=1e-4)
+        assert loss.mast_behind == pytest.approx(60.0 * math.ceil(place / 60.0), abs=1e-4)
+    assert make(no_contact=(1300,), without=("catenary_model/wire_shape",)).losses[0].mast_before is None
+
+
+def test_shorter_losses_than_count_do_not_fail_a_ride(make: Make) -> None:
+    for duration, ok in ((0.0, False), (0.005, True)):
+        report = make(no_contact=(1100, 1102), settings=Settings(loss_duration=duration))
+        assert verdict(report, "contact").ok is ok
+        assert len(report.losses) == 2
+
+
+def test_a_loss_goes_on_over_a_missing_cycle_and_not_over_a_landing(make: Make) -> None:
+    (one,) = make(no_contact=(1200, 1201, 1202), missing=(1201,)).losses
+    assert one.cycles == 2
+    apart = make(no_contact=tuple(range(1190, 1210)), modes={0: 0, 10: 1, 1195: 4}).losses
+    assert [(loss.cycle, loss.cycles) for loss in apart] == [(1190, 5)]
+
+
 def test_mode_changes(make: Make) -> None:
     changes = [(change.cycle, change.mode) for change in make(modes={0: 0, 10: 1, 800: 2, 801: 1}).modes]
     assert changes == [(0, "hold"), (10, "tracking"), (800, "bridging"), (801, "tracking")]

@@ -1,5 +1,7 @@
 """Contact force: low-pass, running statistics, losses."""
 
+from itertools import groupby
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -92,6 +94,44 @@ def test_losses_are_counted_on_the_measured_force():
     assert statistics.loss_share == pytest.approx(14 / 1000)
 
 
+@pytest.mark.parametrize(
+    ("duration", "losses", "cycles"),
+    [(0.0, 4, 9), (0.002, 4, 9), (0.003, 2, 7), (0.004, 2, 7), (0.005, 1, 5), (0.0101, 0, 0)],
+)
+def test_a_loss_counts_from_its_shortest_duration_on(duration, losses, cycles):
+    """A sample stands for its cycle: two of them in a row last 4 ms."""
+    force = np.full(1000, 100.0)
+    force[[200, 202, *range(400, 402), *range(600, 605)]] = 0.0
+    for found in (
+        stream(force, loss_duration=duration).statistics,
+        contact_quality_of(force, TS, 0.0, 2.0, loss_duration=duration),
+    ):
+        assert found.losses == losses
+        assert found.loss_share == pytest.approx(cycles / 1000)
+
+
+def test_a_loss_is_in_the_statistics_as_soon_as_it_is_long_enough():
+    quality = ContactQuality(TS, 0.0, 2.0, loss_duration=0.005)
+    seen = []
+    for k, value in enumerate([100.0, 0.0, 0.0, 0.0, 0.0, 100.0, 0.0, 0.0]):
+        quality.add(k, value)
+        seen.append((quality.statistics.losses, round(quality.statistics.loss_share * (k + 1))))
+    assert seen == [(0, 0), (0, 0), (0, 0), (1, 3), (1, 4), (1, 4), (1, 4), (1, 4)]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(st.booleans(), st.integers(1, 8)), max_size=20), st.floats(0.0, 0.02))
+def test_losses_live_and_of_the_whole_ride_are_those_of_the_record(pieces, duration):
+    """Against the record read piece by piece."""
+    force = np.array([0.0 if lost else 90.0 for lost, length in pieces for _ in range(length)])
+    runs = [len(list(run)) for lost, run in groupby(force.tolist(), lambda value: value <= 2.0) if lost]
+    counted = [run for run in runs if run * TS >= duration * (1.0 - 1e-9)]
+    live = stream(force, loss_duration=duration).statistics
+    whole = contact_quality_of(force, TS, 0.0, 2.0, loss_duration=duration)
+    assert live.losses == whole.losses == len(counted)
+    assert live.loss_share == whole.loss_share == pytest.approx(sum(counted) / max(len(force), 1))
+
+
 def test_a_loss_that_began_in_the_run_in_counts_from_its_end():
     force = np.full(100, 100.0)
     force[40:60] = 0.0
@@ -111,6 +151,10 @@ def test_a_cleared_monitor_starts_anew():
         quality.add(k, 80.0)
     assert quality.statistics.mean == pytest.approx(80.0, abs=1e-9)
     assert quality.statistics.losses == 0
+    for value in (0.0, 0.0):  # a loss that the reset cut is over
+        quality.clear()
+        quality.add(0, value)
+    assert quality.statistics.losses == 1
 
 
 @pytest.mark.parametrize(("run_in", "cycles"), [(0.0, 0), (2.0, 1000), (0.001, 1), (0.002, 1), (0.0021, 2), (0.6, 300)])

@@ -56,7 +56,7 @@ def books(series: Series, bag: Bag, until: int | None = None) -> list[Agreement]
 
 
 def contact_quality(
-    series: Series, bag: Bag, ts: float, loss_threshold: float, cutoff: float, order: int
+    series: Series, bag: Bag, ts: float, loss_threshold: float, cutoff: float, order: int, loss_duration: float = 0.0
 ) -> list[Agreement]:
     """Compare the monitor's last contact-force statistics with the recomputed ones up to the same cycle.
 
@@ -71,7 +71,7 @@ def contact_quality(
         return []
     count = int(table["cycle"][-1]) + 1
     run_in = (count - int(table["samples"][-1])) * ts
-    ours = contact_quality_of(series.f_tr[:count], ts, run_in, loss_threshold, cutoff, order)
+    ours = contact_quality_of(series.f_tr[:count], ts, run_in, loss_threshold, cutoff, order, loss_duration)
     differences = {name: abs(float(table[name][-1]) - getattr(ours, name)) for name in _QUALITY}
     share = max(differences.values()) / max(abs(ours.mean), 1e-9)
     differences["loss_share"] = abs(float(table["loss_share"][-1]) - ours.loss_share)

@@ -134,9 +134,29 @@ class ContactForce:
     statistical_maximum: float = quantity("Mean + 3 sigma", "N")
     loss_share: float = quantity("Time without contact", "1", shown="%", scale=100.0)
     losses: int = quantity("Losses of contact")
+    loss_duration: float = quantity("Shortest loss that counts", "s", shown="ms", scale=1e3)
+    shorter_losses: int = quantity("Shorter losses, not counted")
     raw_minimum: float = quantity("Smallest, unfiltered", "N")
     raw_maximum: float = quantity("Largest, unfiltered", "N")
     prediction_error: float | None = quantity("Force predicted for the next cycle - the one measured then, rms", "N")
+
+
+@dataclass(frozen=True)
+class Loss:
+    """One loss of contact: when, where on the line and between which masts, how long, and the force then.
+
+    `counted` is whether it is long enough to be in the statistics; the masts are None where the bag does not show them.
+    """
+
+    cycle: int
+    cycles: int
+    counted: bool
+    time: float = plain("s")
+    track_position: float = plain("m")
+    mast_before: float | None = plain("m")
+    mast_behind: float | None = plain("m")
+    length: float = plain("s")
+    lowest_force: float = plain("N")
 
 
 @dataclass(frozen=True)
@@ -349,6 +369,7 @@ class Report:
     streams: list[Stream]
     tracking: Tracking
     contact_force: ContactForce
+    losses: list[Loss]
     conservation: Conservation
     agreement: list[Agreement]
     correction: Correction

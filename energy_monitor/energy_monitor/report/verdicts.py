@@ -126,7 +126,9 @@ def judge(
             "largest difference of the impulse given to rig and catenary over the exchanged momentum",
         ),
         _mean_force(limits, force, uplift_force),
-        _at_most("contact", "Time without contact", force.loss_share * 100.0, limits.loss_share * 100.0, "%"),
+        _at_most(
+            "contact", "Time without contact", force.loss_share * 100.0, limits.loss_share * 100.0, "%", _losses(force)
+        ),
         _at_most("cycles", "Missing cycles", float(len(aligned.missing)), float(limits.missing_cycles), ""),
         Verdict("ended", "Ride came to its last cycle", float(aligned.ended), 1.0, None, TRUTH, aligned.ended),
         _at_most("retracted", "Cycles with the rig retracted", float(retracted), 0.0, ""),
@@ -169,6 +171,14 @@ def judge(
 
 def _at_most(key: str, name: str, value: float | None, limit: float, unit: str, source: str = "") -> Verdict:
     return Verdict(key, name, value, None, limit, unit, None if value is None else value <= limit, source=source)
+
+
+def _losses(force: ContactForce) -> str:
+    """Say which losses count."""
+    if force.loss_duration <= 0.0:
+        return "every sample at or below the threshold counts (contact.loss_duration 0)"
+    left_out = f"{force.shorter_losses} shorter ones are left out (contact.loss_duration)"
+    return f"losses of at least {force.loss_duration * 1e3:g} ms; {left_out}"
 
 
 def _share(key: str, name: str, value: float | None, limit: float, source: str) -> Verdict:

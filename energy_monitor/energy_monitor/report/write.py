@@ -138,6 +138,7 @@ def settings_of(monitor: Mapping[str, Any], run_in: float | None) -> Settings:
         loss_threshold=float(monitor.get("contact.loss_threshold", usual.loss_threshold)),
         cutoff=float(monitor.get("contact.cutoff", usual.cutoff)),
         order=int(monitor.get("contact.order", usual.order)),
+        loss_duration=float(monitor.get("contact.loss_duration", usual.loss_duration)),
     )
 
 

@@ -1,0 +1,78 @@
+"""The contact: statistics of its force, and its losses one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from energy_monitor.contact_quality import cycles_of_loss, losses_of
+from energy_monitor.report.results import ContactForce, Loss, Series
+
+
+def contact_force(
+    series: Series, duration: float, lost: Sequence[Loss], prediction: float | None = None
+) -> ContactForce:
+    """Give the statistics of EN 50317: force low-passed at 20 Hz after the run-in, loss by the measured force.
+
+    `lost` are its losses, of which those count that last `duration` s; `prediction` is the rms error of the force
+    that was predicted, N.
+    """
+    used = series.evaluated
+    filtered = series.f_filtered[used]
+    mean, sigma = float(filtered.mean()), float(filtered.std())
+    counted = [loss for loss in lost if loss.counted]
+    return ContactForce(
+        samples=len(filtered),
+        mean=mean,
+        sigma=sigma,
+        sigma_share=sigma / mean if mean > 0.0 else float("nan"),
+        minimum=float(filtered.min()),
+        maximum=float(filtered.max()),
+        statistical_minimum=mean - 3.0 * sigma,
+        statistical_maximum=mean + 3.0 * sigma,
+        loss_share=sum(loss.cycles for loss in counted) / len(filtered),
+        losses=len(counted),
+        loss_duration=duration,
+        shorter_losses=len(lost) - len(counted),
+        raw_minimum=float(series.f_raw[used].min()),
+        raw_maximum=float(series.f_raw[used].max()),
+        prediction_error=prediction,
+    )
+
+
+def losses(series: Series, ts: float, threshold: float, duration: float) -> list[Loss]:
+    """List the losses of contact among the cycles that are judged: measured force at or below `threshold` (N).
+
+    Those that last `duration` (s) and longer are counted ones. Missing cycles do not end a loss.
+    """
+    least = cycles_of_loss(duration, ts)
+    found = []
+    for first, length in losses_of(series.evaluated & (series.f_tr <= threshold)):
+        place = float(series.track_position[first])
+        before, behind = _masts(series, int(series.cycle[first]), place)
+        found.append(
+            Loss(
+                cycle=int(series.cycle[first]),
+                cycles=int(length),
+                counted=bool(length >= least),
+                time=float(series.time[first]),
+                track_position=place,
+                mast_before=before,
+                mast_behind=behind,
+                length=float(length * ts),
+                lowest_force=float(series.f_tr[first : first + length].min()),
+            )
+        )
+    return found
+
+
+def _masts(series: Series, cycle: int, place: float) -> tuple[float | None, float | None]:
+    """Give the last mast before a place and the first behind it (m along the line), from the nearest wire shape."""
+    shapes = series.shapes
+    if shapes is None or len(shapes) == 0:
+        return None, None
+    row = int(np.abs(shapes["cycle"].astype(np.int64) - cycle).argmin())
+    masts = shapes.real("track_position")[row] + np.asarray(shapes.entries("mast_x")[row], dtype=np.float64)
+    before, behind = masts[masts <= place], masts[masts > place]
+    return (float(before.max()) if before.size else None), (float(behind.min()) if behind.size else None)
