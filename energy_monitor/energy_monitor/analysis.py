@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from energy_monitor.bag import Bag
+from energy_monitor.beliefs import beliefs
 from energy_monitor.books import accumulated_of, books_of
 from energy_monitor.contact_quality import low_passed, run_in_cycles
 from energy_monitor.report import comparison, nodes
@@ -24,6 +25,7 @@ from energy_monitor.report.contact import contact_force, losses
 from energy_monitor.report.results import (
     Conservation,
     Correction,
+    Held,
     Report,
     Ride,
     Series,
@@ -127,6 +129,10 @@ def analyse(
         modes=nodes.modes(aligned, ts),
         warnings=nodes.warnings(bag, int(aligned.rig.log_time[0])),
         notes=notes,
+        beliefs=[
+            Held(one.name, one.parameter, one.of_rig, one.unit, one.believed, one.has, one.differs)
+            for one in beliefs(parameters or {})
+        ],
         parameters={node: dict(values) for node, values in (parameters or {}).items()},
         versions=dict(versions or {}),
         series=series,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from energy_monitor.beliefs import remark
 from phil_node.parameters import ParameterError
 from ride.folder import clear
 from ride.options import Options
@@ -46,6 +47,8 @@ def _ride_and_report(options: Options, settings: Settings, console: Console, err
     what = f"{train['speed_kmh']:g} km/h, line {train['line']}, pantograph {rig['pantograph']}"
     what += f", {rig['mode']}, seed {rig['seed']}"
     console.print(f"{what} -> {options.out}", highlight=False, soft_wrap=True)
+    if doubt := remark(settings):
+        console.print(doubt, style="yellow", highlight=False, soft_wrap=True)
     ride = Ride(settings, options, console)
     code = OK
     try:

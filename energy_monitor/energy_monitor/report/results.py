@@ -284,6 +284,19 @@ class Warned:
 
 
 @dataclass(frozen=True)
+class Held:
+    """What the controller believes of the rig beside what the rig has, both in `unit`; `has` is None if not known."""
+
+    name: str
+    parameter: str
+    of_rig: str
+    unit: str
+    believed: float
+    has: float | None
+    differs: bool
+
+
+@dataclass(frozen=True)
 class Verdict:
     """One requirement: the value found, the range it has to lie in, and whether it does (None: not judged).
 
@@ -379,6 +392,7 @@ class Report:
     modes: list[ModeChange]
     warnings: list[Warned]
     notes: list[str]
+    beliefs: list[Held]
     parameters: dict[str, dict[str, Any]]
     versions: dict[str, str]
     series: Series
