@@ -17,7 +17,7 @@ from bench import mpc_picture, mpc_split, mpc_tables
 from bench.closed_loop import ClosedLoop
 from bench.distribution import distribution
 from bench.mpc_contest import Entry, certificate, contest
-from bench.mpc_problems import Sequence
+from bench.mpc_problems import GOOD, Sequence
 from bench.mpc_record import record
 from bench.mpc_solvers import CONTROLLER, SOLVERS, version
 from bench.mpc_split import Split
@@ -140,7 +140,8 @@ def run(quick: bool) -> Outcome:
         f"Problems: {sequences[RIDE].count} of each ride, {sequences[RIDE].rows.shape[1]} variables with bounds, "
         f"{sequences[RIDE].rows.shape[0]} two-sided rows. Each solver in a process of its own, through its own Python "
         "interface, with all that it can keep from one problem to the next; its time is from the vectors in to the "
-        "solution out. Solvers that have no soft rows get a variable for each.",
+        "solution out. Solvers that have no soft rows get a variable for each. Solved is what fulfils the conditions "
+        f"of optimality to {GOOD:g} mm and N, computed here alike for all, whatever the solver says.",
         "First: with the set-up of the solver. Ratio: to the controller's, round by round. Largest differences from "
         "the controller's solutions in the first move, and in the cost (relative). Bits: the same in all rounds, "
         "and in a second process with its heap and all data placed otherwise.",

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from impedance_mpc.optimality import distances
+
 Array = NDArray[np.float64]
 Problem = tuple[Array, Array, Array, Array, Array]
 """g (nz,), lower and upper bound of the rows (m,), lower and upper bound of the variables (nz,)."""
@@ -104,6 +106,50 @@ def _shifted(array: Array) -> Array:
 
 ACTIVE = 1e-7
 """mm, N: a bound that is nearer than this is taken as active when multipliers are fitted."""
+
+
+GOOD = 1e-3
+"""mm, N: a residual up to this is a solution; far below what encoder and load cell resolve."""
+
+
+def residuals(sequence: Sequence, solutions: Array) -> Array:
+    """Give how far solutions (N, nz) are from the conditions of optimality (N,), in mm and N, whoever found them.
+
+    The larger of two: by how much a hard bound is broken, and what the best multipliers leave. These are non-negative
+    and only on bounds that are nearer than GOOD; left are the slope of the Lagrangian, in the metric of the inverse
+    Hessian, and of each soft row how far its excess is from its multiplier over its softness, as a way of z. Infinite
+    for what is not finite, and for bounds that contradict each other: there is no solution.
+    """
+    hard = np.ones(sequence.rows.shape[0], dtype=np.bool_)
+    compliance = np.zeros(hard.size)
+    if sequence.softness is not None:
+        hard = ~(sequence.softness > 0.0)
+        compliance[~hard] = 1.0 / sequence.softness[~hard]
+    size = sequence.hessian.shape[0]
+    scale = np.concatenate([distances(sequence.hessian, sequence.rows, compliance), np.ones(size)])
+    normals = np.vstack([sequence.rows, np.eye(size)]) * scale[:, None]
+    compliance = np.concatenate([compliance, np.zeros(size)]) * scale**2
+    factor = np.linalg.cholesky(sequence.hessian)
+    whitened = np.linalg.solve(factor, normals.T).T
+    found = np.full(sequence.count, np.inf)
+    for k, z in enumerate(solutions):
+        high = np.concatenate([sequence.upper[k], sequence.box_upper[k]]) * scale
+        low = np.concatenate([sequence.lower[k], sequence.box_lower[k]]) * scale
+        if not np.isfinite(z).all() or not (low <= high + sequence.tolerance).all():
+            continue
+        over, under = normals @ z - high, low - normals @ z
+        broken = np.maximum(over, under)[compliance == 0.0].max()
+        above, below = over >= -GOOD, under >= -GOOD
+        sides = np.vstack([whitened[above], -whitened[below]])
+        give = np.concatenate([compliance[above], compliance[below]])
+        beyond = np.maximum(np.concatenate([over[above], under[below]]), 0.0)
+        slope = np.linalg.solve(factor, sequence.hessian @ z + sequence.gradient[k])
+        soft = give > 0.0
+        matrix = np.vstack([sides.T, np.diag(give)[soft]])
+        target = np.concatenate([-slope, beyond[soft]])
+        left = nnls(matrix, target)[1] if matrix.shape[1] else float(np.linalg.norm(slope))
+        found[k] = max(broken, left)
+    return found
 
 
 def excess(sequence: Sequence, chosen: NDArray[np.bool_], z: Array) -> tuple[Array, Array]:

@@ -27,6 +27,11 @@ NEVER = 1e20
 """What most solvers take for infinite."""
 
 
+def crossed(lower: Array, upper: Array) -> bool:
+    """Tell whether a lower bound is above its upper one: some solvers go on with the bounds before and say solved."""
+    return bool((lower > upper).any())
+
+
 class Solver(Protocol):
     """One solver at work; made for a sequence of problems, called once for each."""
 
@@ -34,7 +39,7 @@ class Solver(Protocol):
     """The solution of the problem before."""
 
     def solve(self, g: Array, lower: Array, upper: Array, box_lower: Array, box_upper: Array) -> bool:
-        """Solve the next problem, tell whether the solver says it is solved."""
+        """Solve the next problem, tell whether the solver says it is solved; the contest judges by itself."""
 
 
 class Controller:
@@ -77,18 +82,19 @@ class Daqp:
         self._upper[:size], self._upper[size:] = box_upper, upper
         if self._fresh:
             hessian, rows = self._matrices
-            self._model.setup(hessian, self._g, rows, self._upper, self._lower)
+            flag, _ = self._model.setup(hessian, self._g, rows, self._upper, self._lower)
         else:
-            self._model.update(f=self._g, bupper=self._upper, blower=self._lower)
-        self.z, _, flag, _ = self._model.solve()
-        self._fresh = bool(flag < 1)
+            flag = self._model.update(f=self._g, bupper=self._upper, blower=self._lower)
+        if flag >= 0:  # what it refuses, it would leave out and call the rest optimal
+            self.z, _, flag, _ = self._model.solve()
+        self._fresh = flag not in (1, 2)
         return not self._fresh
 
 
 class ProxQP:
     """ProxQP (ProxSuite): dense proximal augmented Lagrangian; starts from the solution before."""
 
-    TOLERANCE, ITERATIONS = 1e-8, 100
+    TOLERANCE, GAP, ITERATIONS = 1e-8, 1e-4, 100
 
     def __init__(self, sequence: Sequence, build: str = "") -> None:
         self._proxqp = proxsuite_build(build).proxqp
@@ -104,6 +110,9 @@ class ProxQP:
         settings.max_iter = settings.max_iter_in = self.ITERATIONS
         # The test for infeasibility would stop programs that have a solution where many bounds are active at once.
         settings.eps_primal_inf = settings.eps_dual_inf = 1e-14
+        # Else it may stop with the solution before, after no iteration at all.
+        settings.check_duality_gap = True
+        settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = self.GAP, 0.0
         settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self._fresh = True
 
@@ -142,6 +151,8 @@ class Osqp:
     def solve(self, g: Array, lower: Array, upper: Array, box_lower: Array, box_upper: Array) -> bool:
         """See :class:`Solver`."""
         low, high = np.concatenate([lower, box_lower]), np.concatenate([upper, box_upper])
+        if crossed(low, high):
+            return False
         if self._fresh:
             self._solver = self._osqp.OSQP()
             self._solver.setup(
@@ -217,6 +228,8 @@ class Qpalm:
         """See :class:`Solver`."""
         low = np.maximum(np.concatenate([lower, box_lower]), -NEVER)
         high = np.minimum(np.concatenate([upper, box_upper]), NEVER)
+        if crossed(low, high):
+            return False
         if self._solver is None:
             self._data.q, self._data.bmin, self._data.bmax = g, low, high
             self._solver = self._make(self._data, self._settings)

@@ -13,9 +13,9 @@ from bench import __main__ as entry
 from bench import mpc, mpc_contest, mpc_split, mpc_tables
 from bench.closed_loop import ClosedLoop
 from bench.mpc_contest import Entry, accuracy, certificate, contest, run_through
-from bench.mpc_problems import Sequence, distance, excess, violation
+from bench.mpc_problems import Sequence, distance, excess, residuals, violation
 from bench.mpc_record import record
-from bench.mpc_solvers import CONTROLLER, SOLVERS, version
+from bench.mpc_solvers import CONTROLLER, SOLVERS, Known, version
 
 CYCLES = 150
 EXACT = 1e-8
@@ -114,6 +114,51 @@ def test_other_solvers_agree(name: str, sequences: dict[str, Sequence], referenc
         good = accuracy(sequence, reference[key], Entry(solutions=solutions, solved=solved))
         assert good.reference < FIRST_MOVE_UM
         assert good.correction < FIRST_MOVE_N
+
+
+@pytest.mark.parametrize("name", [name for name in SOLVERS if name != "ProxQP, AVX2"])
+@pytest.mark.parametrize("row", [True, False], ids=["row", "box"])
+def test_contradictory_bounds_are_not_solved(name: str, row: bool, sequences: dict[str, Sequence]) -> None:
+    """By no solver's own word, and the problems after them are solved as if nothing had been."""
+    if version(name) is None:
+        pytest.skip(f"{SOLVERS[name].package} is not installed: python -m pip install --group bench")
+    sequence = sequences[mpc.RIDE].part(slice(100, 110))
+    sequence = dataclasses.replace(sequence, lower=sequence.lower.copy(), box_lower=sequence.box_lower.copy())
+    for k, by in ((3, 2e-6), (6, 1.0)):
+        if row:
+            sequence.lower[k, 5] = sequence.upper[k, 5] + by
+        else:
+            sequence.box_lower[k, 3] = sequence.box_upper[k, 3] + by
+    wanted = [k not in (3, 6) for k in range(10)]
+    assert mpc_contest.answers(name, sequence)[2].tolist() == wanted
+    assert run_through(name, sequence)[2].tolist() == wanted
+
+
+def test_solved_is_judged_alike_for_all(
+    monkeypatch: pytest.MonkeyPatch, sequences: dict[str, Sequence], reference: dict[str, np.ndarray]
+) -> None:
+    """A solver that hands out its old solution as solved is found out; the residual is how far a solution is off."""
+    sequence, truth = sequences[mpc.AT_LIMITS], reference[mpc.AT_LIMITS]
+    assert residuals(sequence, truth).max() < EXACT
+
+    class Lazy:
+        def __init__(self, sequence: Sequence) -> None:
+            self.z = truth[0]
+
+        def solve(self, *problem: np.ndarray) -> bool:
+            return True
+
+    monkeypatch.setitem(SOLVERS, "lazy", Known("none", Lazy, "none", soft_rows=True))
+    assert mpc_contest.answers("lazy", sequence)[2].all()
+    assert run_through("lazy", sequence)[2].tolist() == [True, *[False] * (sequence.count - 1)]
+    chance = np.random.default_rng(2)
+    for size in (1e-5, 1e-4):
+        wrong = truth[::10] + size * chance.normal(size=truth[::10].shape)
+        found = residuals(sequence.part(slice(None, None, 10)), wrong)
+        assert (found > 0.3 * size).all() and (found < 100.0 * size).all()
+    wrong = truth[:3].copy()
+    wrong[1, 4] = np.nan
+    assert np.isfinite(residuals(sequence.part(slice(0, 3)), wrong)).tolist() == [True, False, True]
 
 
 def test_accuracy_finds_planted_differences(sequences: dict[str, Sequence], reference: dict[str, np.ndarray]) -> None:
