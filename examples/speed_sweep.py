@@ -17,6 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "catenary_model"))  # works without an installation
+sys.path.append(str(Path(__file__).resolve().parents[1] / "interfaces"))
 from catenary_model.line_file import load_line
 from catenary_model.model import Catenary, Config
 from catenary_model.pantograph import Pantograph

@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import difflib
 import itertools
-import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -42,6 +41,7 @@ from pydantic.fields import FieldInfo
 from catenary_model import statics
 from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, Wire
 from catenary_model.reach import refuse_unridable
+from phil_node.yaml_file import YamlError, parse_yaml
 
 T = TypeVar("T")
 
@@ -124,23 +124,6 @@ class _File(_Entry):
     defaults: _Defaults = _Defaults()
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML in which 1e5 is a number (YAML 1.1 wants 1.0e+5) and a key that comes twice is an error."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if str(key.value) in seen:
-                raise yaml.constructor.ConstructorError(None, None, f"'{key.value}' is given twice", key.start_mark)
-            seen.add(str(key.value))
-        return super().construct_mapping(node, deep)
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
-)
-
-
 def preset_names() -> list[str]:
     """Return the names of the lines that come with the package."""
     folder = resources.files("catenary_model") / "lines"
@@ -161,26 +144,25 @@ def load_line(name_or_path: str | Path) -> Line:
                 "of its .yaml file"
             )
         preset = resources.files("catenary_model") / "lines" / f"{name_or_path}.yaml"
-        return parse_line(preset.read_text(encoding="utf-8"), f"{name_or_path}.yaml", name_or_path)
+        return parse_line(preset.read_bytes(), f"{name_or_path}.yaml", name_or_path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise LineFileError(f"{path}: cannot be read: {reason}") from None
+        text = path.read_bytes()
+    except OSError as error:
+        raise LineFileError(f"{path}: cannot be read: {error.strerror}") from None
     return parse_line(text, str(path), path.stem)
 
 
 @lru_cache(maxsize=4)
-def parse_line(text: str, source: str = "line", name: str = "unnamed") -> Line:
+def parse_line(text: str | bytes, source: str = "line", name: str = "unnamed") -> Line:
     """Make a line from YAML text; `source` leads every message, `name` is for a description without one.
 
     The line is solved at rest, so that what cannot hang is refused here. The same text gives the same object, so a long
     line is read once a process. Raises LineFileError.
     """
     try:
-        content = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise LineFileError(f"{source}: is not valid YAML: {' '.join(str(error).split())}") from None
+        content = parse_yaml(text, source)
+    except YamlError as error:
+        raise LineFileError(str(error)) from None
     if not isinstance(content, dict):
         raise LineFileError(f"{source}: must be a mapping with the entries {', '.join(_File.model_fields)}")
     try:

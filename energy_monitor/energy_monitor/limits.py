@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from energy_monitor.contact_quality import ContactStatistics
 from phil_node.parameters import config_file
+from phil_node.yaml_file import YamlError, read_yaml
 
 QUANTITIES = (
     "mean",
@@ -103,19 +104,35 @@ def load(path: Path | str | None = None) -> dict[str, Standard]:
     LimitsError
         The file is missing, is no YAML, or breaks a rule of the table (unknown key, gap between ranges, ...).
     """
-    file = Path(path) if path else config_file("energy_monitor", "contact_force_limits.yaml")
+    own = config_file("energy_monitor", "contact_force_limits.yaml")
+    file = Path(os.path.expanduser(path)) if path else own  # noqa: PTH111 - an unknown user's home stays as it is
     try:
-        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LimitsError(f"{file}: cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise LimitsError(f"{file}: is no YAML: {' '.join(str(error).split())}") from None
+        tree = read_yaml(file)
+    except YamlError as error:
+        raise LimitsError(str(error)) from None
     if not isinstance(tree, Mapping) or not tree:
         raise LimitsError(f"{file}: has to be a mapping of standards")
     try:
         return {str(key): _standard(str(key), value) for key, value in tree.items()}
     except LimitsError as error:
         raise LimitsError(f"{file}: {error}") from None
+
+
+def chosen(file: str, name: str) -> Standard:
+    """Read the standard ``name`` from the table that the parameter ``limits.file`` names, empty: the package's.
+
+    Raises
+    ------
+    LimitsError
+        The table cannot be used, or does not have the standard; the text names the parameter.
+    """
+    try:
+        table = load(file or None)
+    except LimitsError as error:
+        raise LimitsError(f"parameter 'limits.file': {error}") from None
+    if name not in table:
+        raise LimitsError(f"parameter 'limits.standard' = {name!r} is not one of {', '.join(table)}")
+    return table[name]
 
 
 def evaluate(standard: Standard, statistics: ContactStatistics, speed_kmh: float) -> list[Check]:
@@ -190,6 +207,6 @@ def _expect(tree: Any, where: str, known: set[str], needed: set[str]) -> None:
 
 def _number(where: str, tree: Mapping[str, Any], name: str) -> float:
     value = tree[name]
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise LimitsError(f"{where}: {name} = {value!r} has to be a number")
     return float(value)

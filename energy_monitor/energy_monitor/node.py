@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile
 from energy_monitor import topics
 from energy_monitor.agreement import Entry
 from energy_monitor.audit import HEARTBEAT, Audit, CatenarySample, CommandSample, RigSample, tolerance_of
-from energy_monitor.limits import evaluate, load, verdict
+from energy_monitor.limits import chosen, evaluate, verdict
 from energy_monitor.parameters import Parameters
 from phil_node.base import Diagnosis, PhilNode, leave, run
 from phil_node.guard import finite
@@ -47,11 +47,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
             The table of limits cannot be read or does not have the standard.
         """
         parameters = self.parameters
-        table = load(parameters.limits.file or None)
-        if parameters.limits.standard not in table:
-            known = ", ".join(table)
-            raise ValueError(f"parameter 'limits.standard' = {parameters.limits.standard!r} is not one of {known}")
-        self._standard = table[parameters.limits.standard]
+        self._standard = chosen(parameters.limits.file, parameters.limits.standard)
         self._audit = Audit(parameters)
         self._quality_message = ContactQuality()
         self._books_message = ConservedQuantities()

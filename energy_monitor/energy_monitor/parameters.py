@@ -2,6 +2,7 @@
 
 from pydantic import model_validator
 
+from energy_monitor.limits import chosen
 from phil_node.parameters import Group, parameter
 
 
@@ -77,3 +78,7 @@ class Parameters(Group):
                 f"1 / 'cycle_time', {highest:g} Hz"
             )
         return self
+
+    def check_build(self) -> None:
+        """Read the table of limits. Raises ValueError."""
+        chosen(self.limits.file, self.limits.standard)

@@ -23,10 +23,11 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from phil_node.changes import as_declared, fixed_while_active, merged
 from phil_node.declare import declare
 from phil_node.executor import events_executor
 from phil_node.guard import finite
-from phil_node.parameters import Group, ParameterError, build, defaults, infos, values_of
+from phil_node.parameters import Group, ParameterError, defaults, infos, values_of
 from phil_node.qos import CYCLE
 from phil_node.timing import Timing
 
@@ -72,6 +73,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.active = False
         self._stale_build = False
         self._owned: list[tuple[Callable[[Any], Any], Any]] = []
+        self.add_pre_set_parameters_callback(self._prepare_parameters)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -277,34 +279,24 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             response.success, response.message = True, f"{self.get_name()} is back at its initial state"
         return response
 
-    def _with(self, changes: list[Parameter]) -> P:
-        values = values_of(self.parameters)
-        known = values.keys()
-        for change in changes:
-            if change.name in known:
-                value = change.value
-                values[change.name] = list(value) if hasattr(value, "tolist") else value
-        return build(self._model, values)
+    def _prepare_parameters(self, changes: list[Parameter]) -> list[Parameter]:
+        return as_declared(self.get_name(), self._model, changes)
 
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
-        ours = values_of(self.parameters).keys()
-        if self.active:
-            for change in changes:
-                if change.name in ours and change.name not in self._live:
-                    reason = f"'{change.name}' cannot change while active: deactivate {self.get_name()} first"
-                    return SetParametersResult(successful=False, reason=reason)
-        try:
-            self._with(changes)
-        except ParameterError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        reason = fixed_while_active(self.get_name(), self._live, changes) if self.active else ""
+        if not reason:
+            try:
+                merged(self.parameters, changes)
+            except ParameterError as error:
+                reason = str(error)
+        return SetParametersResult(successful=not reason, reason=reason)
 
     def _take_parameters(self, changes: list[Parameter]) -> None:
         ours = values_of(self.parameters).keys()
         names = frozenset(change.name for change in changes if change.name in ours)
         if not names:
             return
-        self.parameters = self._with(changes)
+        self.parameters = merged(self.parameters, changes)
         if self.configured and not names <= self._live:
             self._stale_build = True
         elif self.configured:

@@ -8,13 +8,12 @@ from typing import Any, TypeVar
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
+from phil_node.parameter_file import is_rclpys
 from phil_node.parameters import Group, Info, build, infos, values_of
 
 G = TypeVar("G", bound=Group)
 
 INT64_MAX = 2**63 - 1
-NOT_OURS = ("use_sim_time", "start_type_description_service")
-"""Parameters that rclpy itself declares; names starting with ``qos_overrides`` are its own as well."""
 
 
 def declare(node: Node, model: type[G], default_values: Mapping[str, Any]) -> G:
@@ -29,7 +28,7 @@ def declare(node: Node, model: type[G], default_values: Mapping[str, Any]) -> G:
         An override is unknown, of a wrong type or out of range.
     """
     overrides = {
-        name: _plain(entry.value) for name, entry in node.get_parameters_by_prefix("").items() if not _foreign(name)
+        name: _plain(entry.value) for name, entry in node.get_parameters_by_prefix("").items() if not is_rclpys(name)
     }
     group = build(model, {**default_values, **overrides}, node.get_name())
     for name in overrides:
@@ -59,10 +58,6 @@ def descriptor(info: Info) -> ParameterDescriptor:
         high_int = INT64_MAX if info.high is None else int(info.high)
         found.integer_range = [IntegerRange(from_value=low_int, to_value=high_int, step=1)]
     return found
-
-
-def _foreign(name: str) -> bool:
-    return name in NOT_OURS or name.startswith("qos_overrides")
 
 
 def _plain(value: Any) -> Any:

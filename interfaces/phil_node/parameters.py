@@ -6,16 +6,18 @@ its default. Nested groups become dotted ROS names (``weights.position``). Nothi
 
 from __future__ import annotations
 
+import difflib
 import math
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
+
+from phil_node.parameter_file import read_parameter_file
+from phil_node.yaml_file import YamlError
 
 G = TypeVar("G", bound="Group")
 
@@ -28,6 +30,9 @@ class Group(BaseModel):
     """Base of every set of parameters: no unknown keys, no silent conversion, no change after construction."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    def check_build(self) -> None:
+        """Raise ValueError where a node with these parameters could not be built: files, designs; costly parts too."""
 
 
 @dataclass(frozen=True)
@@ -122,8 +127,7 @@ def build(model: type[G], values: Mapping[str, Any], node: str = "") -> G:
     for name, value in values.items():
         info = known.get(name)
         if info is None:
-            hint = _nearest(name, known)
-            problems.append(f"{lead}parameter '{name}' = {value!r} is unknown{hint}")
+            problems.append(f"{lead}parameter '{name}' = {value!r} is unknown{nearest(name, known)}")
             continue
         checked = _convert(info, value)
         if checked is None:
@@ -174,47 +178,22 @@ def values_of(group: Group) -> dict[str, Any]:
     return flatten(group.model_dump())
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML as ROS reads it: 2e4 and 1.5e3 are numbers (YAML 1.1 wants a point and a sign)."""
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
-
-
-def parse(text: str) -> Any:
-    """Parse a YAML text; raises yaml.YAMLError."""
-    return yaml.load(text, Loader=_Loader)
-
-
 def read_file(path: Path | str) -> dict[str, dict[str, Any]]:
-    """Read a ROS parameter file: node name (or wildcard) to flat dotted values.
+    """Read a ROS parameter file: node name (or pattern), without its leading slash, to flat dotted values.
 
     Raises
     ------
     ParameterError
-        The file is missing, is no YAML, or has not the form ``node: ros__parameters: key: value``.
+        The file is missing, or ROS would refuse it.
     """
     try:
-        tree = parse(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(f"{path}: cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        text = " ".join(str(error).split())
-        raise ParameterError(f"{path}: is no YAML: {text}") from None
-    if tree is None:
-        return {}
-    if not isinstance(tree, Mapping):
-        raise ParameterError(f"{path}: has to be a mapping of node names")
+        file = read_parameter_file(path)
+    except YamlError as error:
+        raise ParameterError(str(error)) from None
     found: dict[str, dict[str, Any]] = {}
-    for node, content in tree.items():
-        inner = content.get("ros__parameters") if isinstance(content, Mapping) else None
-        if not isinstance(inner, Mapping) or len(content) != 1:
-            raise ParameterError(f"{path}: '{node}' needs exactly one entry 'ros__parameters'")
-        found[str(node).strip("/") or "/"] = flatten(inner)
+    for name, entries in file.nodes:
+        values = {entry.name: entry.value for entry in entries}
+        found.setdefault(name.strip("/"), {}).update(values)
     return found
 
 
@@ -289,8 +268,7 @@ def _within(info: Info, value: float) -> bool:
     return (info.low is None or value >= info.low) and (info.high is None or value <= info.high)
 
 
-def _nearest(name: str, known: Mapping[str, Info]) -> str:
-    import difflib
-
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Give the end of a message that names the known name most like an unknown one, empty if none is."""
     close = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean '{close[0]}'?" if close else ""

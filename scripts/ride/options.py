@@ -45,7 +45,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         "recorded into a bag, with a report at the end.",
         epilog="Examples: scripts/run.sh   |   scripts/run.sh --speed-kmh 200 --duration 30 --pantograph en50318   |   "
         "scripts/run.sh --line alternating_spans   |   scripts/run.sh --line my_line.yaml --mode realtime   |   "
-        "scripts/run.sh --set impedance_mpc.correction=false --out rides/without-correction",
+        "scripts/run.sh --set impedance_mpc.control=integrated --out rides/without-correction",
     )
     add = parser.add_argument
     add("--speed-kmh", type=float, metavar="V", help="speed of the train in km/h (catenary_model.speed_kmh)")
@@ -95,11 +95,9 @@ def parse(argv: Sequence[str] | None = None) -> Options:
 
 def _value(text: str, parser: argparse.ArgumentParser) -> Any:
     # Imported only here: --help has to answer before anything is installed.
-    import yaml
-
-    from phil_node.parameters import parse as parse_yaml
+    from phil_node.yaml_file import YamlError, parse_yaml
 
     try:
         return parse_yaml(text)
-    except yaml.YAMLError:
-        parser.error(f"--set: '{text}' is no YAML value")
+    except YamlError as error:
+        parser.error(f"--set: '{text}' {error}")

@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from catenary_model.line_file import LineFileError, dump_line, preset_names
 from catenary_model.parameters import line_of
 from catenary_model.reach import beyond_reach
-from phil_node.parameters import Group, ParameterError, build, config_file, defaults, infos, nest, read_file, values_of
+from phil_node.parameter_file import is_rclpys, reaches, read_parameter_file
+from phil_node.parameters import (
+    Group,
+    ParameterError,
+    build,
+    config_file,
+    defaults,
+    infos,
+    nearest,
+    nest,
+    read_file,
+    values_of,
+)
+from phil_node.yaml_file import YamlError, dump_yaml
 
 Settings = dict[str, dict[str, Any]]
 """Node name to flat dotted parameter to value."""
@@ -58,49 +70,82 @@ def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]], rig
         One line for each node or parameter that is unknown, of a wrong type or out of range.
     """
     from_rig = rig_layer(rig) if rig else {}
-    from_file = read_file(params) if params else {}
-    wanted = {name: _nodes_of(name) for name in from_file}
-    listed = ", ".join(NODES)
-    problems = [f"{params}: there is no node '{name}' (nodes: {listed})" for name, nodes in wanted.items() if not nodes]
-    problems += [f"--set: there is no node '{name}' (nodes: {listed})" for name in overrides if name not in NODES]
     models = {name: _model(name) for name in NODES}
     known = {name: {info.name for info in infos(model)} for name, model in models.items()}
-    for pattern, nodes in wanted.items():
-        for key in from_file[pattern]:
-            if len(nodes) > 1 and key != "use_sim_time" and not any(key in known[name] for name in nodes):
-                problems.append(f"{params}: no node has a parameter '{key}'")
-    layers: dict[str, list[Mapping[str, Any]]] = {}
-    for name in NODES:
-        filed: dict[str, Any] = {}
-        for pattern, nodes in wanted.items():
-            # What is said for many nodes reaches those that know it; what is said for one has to be known.
-            given = from_file[pattern]
-            if name in nodes:
-                filed |= {key: value for key, value in given.items() if len(nodes) == 1 or key in known[name]}
-        layers[name] = [defaults(name), from_rig.get(name, {}), filed, overrides.get(name, {})]
-    settings = {}
+    filed, own, problems = _filed(params, known) if params else ({}, {}, [])
+    listed = ", ".join(NODES)
+    problems += [f"--set: there is no node '{name}' (nodes: {listed})" for name in overrides if name not in NODES]
+    layers = {
+        name: [defaults(name), from_rig.get(name, {}), filed.get(name, {}), overrides.get(name, {})] for name in NODES
+    }
+    groups: dict[str, Group] = {}
     for name in NODES:
         values: dict[str, Any] = {}
         for level, layer in enumerate(layers[name]):
             for key, leader in FOLLOWS.get(name, {}).items():
                 # What is wrong in the other node is said once.
-                if key in layers[leader][level] and leader in settings:
+                if key in layers[leader][level] and leader in groups:
                     values[key] = layers[leader][level][key]
             values |= layer
         try:
-            settings[name] = values_of(build(models[name], values, name))
+            groups[name] = build(models[name], values, name)
         except ParameterError as error:
             problems.append(str(error))
     if problems:
         raise ParameterError("\n".join(problems))
+    settings = {name: values_of(group) | own.get(name, {}) for name, group in groups.items()}
     _check_together(settings)
+    _check_builds(groups)
     return settings
 
 
-def _nodes_of(pattern: str) -> tuple[str, ...]:
-    """Give the nodes that an entry of a parameter file is for: a name, a name behind a namespace, or a wildcard."""
-    last = pattern.strip("/").split("/")[-1]
-    return NODES if last in ("*", "**") else tuple(name for name in NODES if name == last)
+def _filed(params: Path, known: Mapping[str, set[str]]) -> tuple[Settings, Settings, list[str]]:
+    """Give what a parameter file says to each node: of its own parameters, of rclpy's, and what is wrong with it."""
+    try:
+        file = read_parameter_file(params)
+    except YamlError as error:
+        raise ParameterError(str(error)) from None
+    filed: Settings = {}
+    own: Settings = {}
+    problems: list[str] = []
+    for pattern, entries in file.nodes:
+        nodes = nodes_of(pattern)
+        if not nodes and get_close_matches(pattern.strip("/"), NODES, 1) not in ([], [pattern.strip("/")]):
+            problems.append(f"{params}: there is no node '{pattern}' (nodes: {', '.join(NODES)})")
+        for entry in entries:
+            key, value = entry.name, entry.value
+            if nodes and is_rclpys(key):
+                if not key.startswith("qos_overrides") and not isinstance(value, bool):
+                    problems.append(f"{params}: parameter '{key}' = {value!r} is not allowed: true or false")
+                for name in nodes:
+                    own.setdefault(name, {})[key] = value
+                continue
+            if len(nodes) > 1 and not any(key in known[name] for name in nodes):
+                problems.append(
+                    f"{params}: no node has a parameter '{key}'{nearest(key, set().union(*known.values()))}"
+                )
+            for name in nodes:
+                # What is said for many nodes reaches those that know it; what is said for one has to be known.
+                if len(nodes) == 1 or key in known[name]:
+                    filed.setdefault(name, {})[key] = value
+    return filed, own, problems
+
+
+def nodes_of(pattern: str) -> tuple[str, ...]:
+    """Give the nodes of a ride that an entry of a parameter file reaches: by name, or by wildcards."""
+    return tuple(name for name in NODES if reaches("/" + pattern.lstrip("/"), f"/{name}"))
+
+
+def _check_builds(groups: Mapping[str, Group]) -> None:
+    """Refuse what a node would refuse only when it is configured."""
+    problems = []
+    for name, group in groups.items():
+        try:
+            group.check_build()
+        except ValueError as error:
+            problems += [f"{name}: {line}" for line in str(error).splitlines()]
+    if problems:
+        raise ParameterError("\n".join(problems))
 
 
 def line_text(settings: Mapping[str, Mapping[str, Any]]) -> str:
@@ -152,7 +197,7 @@ def write(settings: Mapping[str, Mapping[str, Any]], line: str, folder: Path, pa
         (folder / "pantograph.yaml").write_text(pantograph, encoding="utf-8")
         tree["test_rig_sim"]["ros__parameters"]["pantograph_file"] = str((folder / "pantograph.yaml").absolute())
     lead = "# Everything that this ride ran with. To ride the same again: scripts/run.sh --params THIS_FILE\n"
-    (folder / "params.yaml").write_text(lead + yaml.safe_dump(tree, sort_keys=False), encoding="utf-8")
+    (folder / "params.yaml").write_text(lead + dump_yaml(tree), encoding="utf-8")
 
 
 def _model(name: str) -> type[Group]:

@@ -178,7 +178,7 @@ def test_several_problems_are_told_at_once() -> None:
     [
         ("", "must be a mapping"),
         ("- 1", "must be a mapping"),
-        ("{", "not valid YAML"),
+        ("{", "is no YAML: line 1"),
         ("gravity: 9.81\ngravity: 1.62", "'gravity' is given twice"),
         ("1: 2", "unknown entry"),
     ],

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from energy_monitor import limits as contact_limits
@@ -16,6 +15,7 @@ from energy_monitor.limits import LimitsError
 from energy_monitor.report.alignment import Aligned
 from energy_monitor.report.results import TRUTH, Agreement, Conservation, ContactForce, Tracking, Verdict
 from phil_node.parameters import config_file
+from phil_node.yaml_file import YamlError, read_yaml
 
 __all__ = ["Limits", "LimitsError", "judge", "read_limits"]
 
@@ -60,11 +60,9 @@ def read_limits(path: Path | str | None = None) -> Limits:
     values: dict[str, Any] = {}
     for file in (config_file("energy_monitor", "report_limits.yaml"), *([Path(path)] if path else [])):
         try:
-            tree = yaml.safe_load(file.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise LimitsError(f"{file}: cannot be read: {error.strerror}") from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise LimitsError(f"{file}: is no YAML: {' '.join(str(error).split())}") from None
+            tree = read_yaml(file)
+        except YamlError as error:
+            raise LimitsError(str(error)) from None
         if not isinstance(tree, dict):
             raise LimitsError(f"{file}: has to be a mapping")
         values |= tree

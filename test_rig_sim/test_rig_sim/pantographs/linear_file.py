@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
-from phil_node.parameters import parse
+from phil_node.yaml_file import YamlError, read_yaml
 from test_rig_sim.pantographs.linear import MAX_STATES, ROUNDING, linear_pantograph, realise
 from test_rig_sim.pantographs.motion import CONTACT, LIFT, Pantograph
 
@@ -40,11 +39,9 @@ def read_pantograph(path: Path | str) -> Pantograph:
     """
     file = Path(os.path.expanduser(path))  # noqa: PTH111 - an unknown user's home stays as it is
     try:
-        content = parse(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise PantographFileError(f"{path}: cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise PantographFileError(f"{path}: is no YAML: {' '.join(str(error).split())}") from None
+        content = read_yaml(file)
+    except YamlError as error:
+        raise PantographFileError(str(error)) from None
     try:
         return _pantograph(content)
     except ValueError as error:
