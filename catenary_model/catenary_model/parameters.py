@@ -8,7 +8,7 @@ from dataclasses import fields
 from pydantic import PrivateAttr, model_validator
 
 from catenary_model.boundary import BOUNDARIES
-from catenary_model.build import check
+from catenary_model.build import check, check_ends
 from catenary_model.config import DISCRETISATIONS, Config
 from catenary_model.finite_difference.ends import ENDS
 from catenary_model.line import Line
@@ -102,6 +102,10 @@ class Parameters(Group):
         """Return the configuration of the model. Raises ValueError naming the parameters that do not fit together."""
         same = {field.name for field in fields(Config)} & set(type(self).model_fields) - {"line"}
         return Config(line=self._line, speed=self.speed_kmh / 3.6, **self.model_dump(include=same))
+
+    def check_build(self) -> None:
+        """Design the ends of the wires. Raises ValueError."""
+        check_ends(self.config())
 
     @property
     def wire_shape_every(self) -> int:

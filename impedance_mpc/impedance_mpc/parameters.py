@@ -10,6 +10,9 @@ from phil_node.parameters import Group, parameter
 
 CASCADED, INTEGRATED, CORRECTED = "cascaded", "integrated", "integrated_with_correction"
 
+START = 0.0
+"""m, where the drive stands when a ride begins."""
+
 
 class Weights(Group):
     """Weights of the cost (3.55): the cost of one unit of error, an instant or a move."""
@@ -123,6 +126,11 @@ class Parameters(Group):
             raise ValueError(
                 f"'position_minimum' = {self.position_minimum} is not below "
                 f"'position_maximum' = {self.position_maximum}"
+            )
+        if not self.position_minimum <= START <= self.position_maximum:
+            raise ValueError(
+                f"'position_minimum' = {self.position_minimum} to 'position_maximum' = {self.position_maximum}: has to "
+                f"contain the drive's start, {START:g} m"
             )
         if not 0.0 < self.correction_alpha < 1.0:
             raise ValueError(f"'correction_alpha' = {self.correction_alpha} is not strictly between 0 and 1")

@@ -21,6 +21,19 @@ ENVIRONMENTS = ("catenary", "reduced", "mass_spring_damper")
 CATENARY = 0
 
 
+def simulated_environments(config: Parameters, model: Impedance) -> tuple[LinearEnvironment, LinearEnvironment]:
+    """Make what is simulated here: the reduced model on its own, and the mass on spring and damper.
+
+    Raises
+    ------
+    ValueError
+        One of them is not stable, or singular.
+    """
+    own = config.environments
+    alone = standing_alone(model, own.reduced)
+    return LinearEnvironment(alone), LinearEnvironment(mass_spring_damper(own.mass_spring_damper, config.cycle_time))
+
+
 class EnvironmentSwitch:
     """Owns a controller for each environment, and the environments that are simulated here.
 
@@ -37,11 +50,7 @@ class EnvironmentSwitch:
         ts = config.cycle_time
         own = config.environments
         self.books = Books(ts)
-        self._own: tuple[Environment | None, ...] = (
-            None,
-            LinearEnvironment(standing_alone(model, own.reduced)),
-            LinearEnvironment(mass_spring_damper(own.mass_spring_damper, ts)),
-        )
+        self._own: tuple[Environment | None, ...] = (None, *simulated_environments(config, model))
         models = [model if found is None else found.model for found in self._own]
         self.controllers = [ImpedanceController(config, each, self.books) for each in models]
         self._share = -math.expm1(-ts / own.mean_time)

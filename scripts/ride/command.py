@@ -8,6 +8,7 @@ from rich.console import Console
 
 from energy_monitor.beliefs import remark
 from phil_node.parameters import ParameterError
+from ride.checks import notices
 from ride.folder import clear
 from ride.options import Options
 from ride.settings import Settings, line_text, pantograph_text, resolve, write
@@ -22,6 +23,7 @@ def carry_out(options: Options) -> int:
     try:
         settings = resolve(options.params, options.overrides, options.rig)
         line, pantograph = line_text(settings), pantograph_text(settings)
+        remarks = notices(options.params, settings)
     except ParameterError as error:
         errors.print(str(error))
         return WRONG
@@ -34,6 +36,8 @@ def carry_out(options: Options) -> int:
     except OSError as error:
         errors.print(f"{options.out} cannot be written: {error.strerror}")
         return WRONG
+    for remark in remarks:
+        errors.print(f"note: {remark}")
     return _ride_and_report(options, settings, console, errors)
 
 

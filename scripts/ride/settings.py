@@ -11,7 +11,7 @@ from typing import Any
 from catenary_model.line_file import LineFileError, dump_line, preset_names
 from catenary_model.parameters import line_of
 from catenary_model.reach import beyond_reach
-from phil_node.parameter_file import is_rclpys, reaches, read_parameter_file
+from phil_node.parameter_file import is_rclpys, read_parameter_file
 from phil_node.parameters import (
     Group,
     ParameterError,
@@ -25,6 +25,7 @@ from phil_node.parameters import (
     values_of,
 )
 from phil_node.yaml_file import YamlError, dump_yaml
+from ride.checks import check_builds, nodes_of
 
 Settings = dict[str, dict[str, Any]]
 """Node name to flat dotted parameter to value."""
@@ -95,7 +96,7 @@ def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]], rig
         raise ParameterError("\n".join(problems))
     settings = {name: values_of(group) | own.get(name, {}) for name, group in groups.items()}
     _check_together(settings)
-    _check_builds(groups)
+    check_builds(groups)
     return settings
 
 
@@ -109,8 +110,10 @@ def _filed(params: Path, known: Mapping[str, set[str]]) -> tuple[Settings, Setti
     own: Settings = {}
     problems: list[str] = []
     for pattern, entries in file.nodes:
-        nodes = nodes_of(pattern)
-        if not nodes and get_close_matches(pattern.strip("/"), NODES, 1) not in ([], [pattern.strip("/")]):
+        nodes = nodes_of(pattern, NODES)
+        last = pattern.rpartition("/")[2]
+        if not nodes and last not in NODES and get_close_matches(last, NODES, 1):
+            # ROS would say nothing: a slip of the pen would be lost. A node of another namespace is another node.
             problems.append(f"{params}: there is no node '{pattern}' (nodes: {', '.join(NODES)})")
         for entry in entries:
             key, value = entry.name, entry.value
@@ -129,23 +132,6 @@ def _filed(params: Path, known: Mapping[str, set[str]]) -> tuple[Settings, Setti
                 if len(nodes) == 1 or key in known[name]:
                     filed.setdefault(name, {})[key] = value
     return filed, own, problems
-
-
-def nodes_of(pattern: str) -> tuple[str, ...]:
-    """Give the nodes of a ride that an entry of a parameter file reaches: by name, or by wildcards."""
-    return tuple(name for name in NODES if reaches("/" + pattern.lstrip("/"), f"/{name}"))
-
-
-def _check_builds(groups: Mapping[str, Group]) -> None:
-    """Refuse what a node would refuse only when it is configured."""
-    problems = []
-    for name, group in groups.items():
-        try:
-            group.check_build()
-        except ValueError as error:
-            problems += [f"{name}: {line}" for line in str(error).splitlines()]
-    if problems:
-        raise ParameterError("\n".join(problems))
 
 
 def line_text(settings: Mapping[str, Mapping[str, Any]]) -> str:

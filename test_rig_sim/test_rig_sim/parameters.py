@@ -206,6 +206,12 @@ class Parameters(Group):
         mounting.mount(self)
         return self
 
+    def check_build(self) -> None:
+        """Design the inner loop, stand the pantograph up, read and try the trajectory. Raises ValueError."""
+        from test_rig_sim.rig import Rig  # which is built from these parameters
+
+        operation.rules(self, Rig(self).plant.loop)
+
 
 def _equally_many(group: str, lists: dict[str, list[float]]) -> None:
     counts = {len(entries) for entries in lists.values()}

@@ -1,6 +1,8 @@
 """Trajectories for position tracking, sampled at the cycle: rest at both ends, and never beyond what is allowed."""
 
 import math
+import os
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +14,7 @@ from test_rig_sim.motion import Pace, at_rest, towards
 
 Array = npt.NDArray[np.float64]
 
+_NUMBER = re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$")
 KINDS = ("sine", "chirp", "steps", "file")
 
 
@@ -80,15 +83,15 @@ def _from_file(name: str, period: float) -> Array:
     if not name:
         raise ValueError("trajectory.file is empty: it has to name a CSV file of time (s) and position (m)")
     try:
-        with Path(name).open(encoding="utf-8") as lines:
-            rows = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
-        if rows and any(c.isalpha() and c not in "eE" for c in rows[0]):
-            rows = rows[1:]
-        table = np.array([[float(word) for word in row.split(",")] for row in rows], dtype=np.float64)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"trajectory.file = {name} cannot be read: {error}") from None
-    except ValueError:
-        raise ValueError(f"trajectory.file = {name}: every line has to be 'time, position'") from None
+        with Path(os.path.expanduser(name)).open(encoding="utf-8-sig") as lines:  # noqa: PTH111 - unknown users
+            rows = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    except OSError as error:
+        raise ValueError(f"trajectory.file = {name} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"trajectory.file = {name} cannot be read: it is no UTF-8 text") from None
+    if rows and any(c.isalpha() and c not in "eE" for c in rows[0][1]):
+        rows = rows[1:]
+    table = np.array([_row(name, i, line) for i, line in rows], dtype=np.float64)
     if table.ndim != 2 or table.shape[1:] != (2,) or len(table) < 2 or not np.all(np.isfinite(table)):
         raise ValueError(f"trajectory.file = {name}: two or more lines of 'time, position' are needed")
     if not np.all(np.diff(table[:, 0]) > 0.0):
@@ -96,6 +99,13 @@ def _from_file(name: str, period: float) -> Array:
     spline = CubicSpline(table[:, 0] - table[0, 0], table[:, 1], bc_type="clamped")
     count = math.ceil(float(table[-1, 0] - table[0, 0]) / period - 1e-9)
     return np.asarray(spline(np.minimum(np.arange(count + 1) * period, table[-1, 0] - table[0, 0])), dtype=np.float64)
+
+
+def _row(name: str, number: int, line: str) -> list[float]:
+    words = [word.strip() for word in line.split(",")]
+    if len(words) != 2 or not all(_NUMBER.match(word) for word in words):
+        raise ValueError(f"trajectory.file = {name}: line {number}: '{line.strip()}' is not 'time, position'")
+    return [float(word) for word in words]
 
 
 def check(positions: Array, shape: Shape, ability: Ability, period: float) -> None:

@@ -62,6 +62,13 @@ def segment_mesh(config: Config) -> Mesh:
     return Mesh(h, math.floor(config.mesh.half_length / h + 1e-9))
 
 
+def design_ends(config: Config) -> tuple[tuple[Stencil, ...], tuple[ends.Pair, ...]]:
+    """Return the interior scheme of carrier and contact wire, and what ends them. Raises ValueError."""
+    wires = config.line.carrier, config.line.contact
+    stencils = tuple(interior(config, wire) for wire in wires)
+    return stencils, tuple(ends.design(config, wire, stencil) for wire, stencil in zip(wires, stencils, strict=True))
+
+
 def check(config: Config) -> None:
     """Refuse what cannot be built, but for the design of the ends. Raises ValueError naming what to change."""
     line = config.line
@@ -112,9 +119,7 @@ class Catenary(Observed):
         line = config.line
         self.mesh = config.mesh
         self.statics = statics.solve(line)
-        self.stencils = interior(config, line.carrier), interior(config, line.contact)
-        both = zip((line.carrier, line.contact), self.stencils, strict=True)
-        self.ends = tuple(ends.design(config, wire, stencil) for wire, stencil in both)
+        self.stencils, self.ends = design_ends(config)
         self.segment_mesh = segment_mesh(config)
         self.reduced = reduced.reduce(self.segment_mesh, line.contact, config.speed, config.segment_half_length)
         self.constants: own.Constants
