@@ -22,6 +22,15 @@ SHORTCUTS = {
 }
 """Options that are nothing but parameters of a node."""
 
+EXAMPLES = (
+    "scripts/run.sh",
+    "scripts/run.sh --speed-kmh 200 --duration 30 --pantograph en50318",
+    "scripts/run.sh --line alternating_spans",
+    "scripts/run.sh --line my_line.yaml --mode realtime",
+    "scripts/run.sh --set impedance_mpc.control=integrated --out rides/without-correction",
+)
+"""Command lines that the help shows; `my_line.yaml` is a file of the user's."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -43,9 +52,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         prog="scripts/run.sh",
         description="Emulate a train ride: catenary, impedance controller, test rig and monitor in four processes, "
         "recorded into a bag, with a report at the end.",
-        epilog="Examples: scripts/run.sh   |   scripts/run.sh --speed-kmh 200 --duration 30 --pantograph en50318   |   "
-        "scripts/run.sh --line alternating_spans   |   scripts/run.sh --line my_line.yaml --mode realtime   |   "
-        "scripts/run.sh --set impedance_mpc.control=integrated --out rides/without-correction",
+        epilog="Examples: " + "   |   ".join(EXAMPLES),
     )
     add = parser.add_argument
     add("--speed-kmh", type=float, metavar="V", help="speed of the train in km/h (catenary_model.speed_kmh)")
