@@ -63,7 +63,11 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
     """
 
     def __init__(self, name: str, model: type[P]) -> None:
-        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        try:
+            super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        except ValueError as error:
+            # An empty list in a parameter file has no type that rclpy could keep.
+            raise ParameterError(f"{name}: a parameter was given without a value ([]): {error}") from None
         self._model = model
         self._live = frozenset(info.name for info in infos(model) if info.live)
         self.parameters: P = declare(self, model, defaults(name))

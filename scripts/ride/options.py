@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -55,13 +56,13 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         epilog="Examples: " + "   |   ".join(EXAMPLES),
     )
     add = parser.add_argument
-    add("--speed-kmh", type=float, metavar="V", help="speed of the train in km/h (catenary_model.speed_kmh)")
+    add("--speed-kmh", type=_real, metavar="V", help="speed of the train in km/h (catenary_model.speed_kmh)")
     add("--line", metavar="NAME_OR_PATH", help="overhead line: a preset or a YAML file (catenary_model.line)")
     add("--discretisation", metavar="KIND", help="of the catenary: fe or fd (catenary_model.discretisation)")
-    add("--duration", type=float, metavar="S", help="length of the ride in s, 0: until Ctrl-C (test_rig_sim.duration)")
+    add("--duration", type=_real, metavar="S", help="length of the ride in s, 0: until Ctrl-C (test_rig_sim.duration)")
     add("--mode", choices=("lockstep", "realtime"), help="wait for each other, or follow the clock (test_rig_sim.mode)")
     add("--pantograph", metavar="NAME", help="unit under test (test_rig_sim.pantograph)")
-    add("--seed", type=int, metavar="N", help="seed of the measurement noise (test_rig_sim.seed)")
+    add("--seed", type=_whole, metavar="N", help="seed of the measurement noise (test_rig_sim.seed)")
     add("--rig", metavar="NAME", help="test rig: ideal, nominal or harsh, with the model identified on it (nominal)")
     add("--params", type=Path, metavar="FILE", help="ROS parameter file for all nodes together")
     add("--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter; may be given again")
@@ -98,6 +99,19 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         overwrite=given.overwrite,
         ordinary_scheduling=given.ordinary_scheduling,
     )
+
+
+def _real(text: str) -> float:
+    """Read a number as all our files do; Python would take 1_000 and "nan" as well."""
+    return float(text) if re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", text) else _refuse(text)
+
+
+def _whole(text: str) -> int:
+    return int(text) if re.fullmatch(r"[-+]?[0-9]+", text) else _refuse(text)
+
+
+def _refuse(text: str) -> NoReturn:
+    raise argparse.ArgumentTypeError(f"'{text}' is no number")
 
 
 def _value(text: str, parser: argparse.ArgumentParser) -> Any:

@@ -263,3 +263,32 @@ def test_dump_is_short_where_spans_repeat() -> None:
     assert "repeat: 28" in text
     assert len(text.splitlines()) < 25
     assert parse_line(text) == line
+
+
+def test_numbers_filled_up_with_zeros_are_decimal() -> None:
+    text = re.sub(r"droppers: \[.*?\]", "droppers: [005, 010, 017, 030, 045]", dump_line(Line()))
+    assert [d.position for d in parse_line(text).spans[0].droppers] == [5.0, 10.0, 17.0, 30.0, 45.0]
+
+
+@pytest.mark.parametrize("number", ["1:00", "6_0.0", "yes", "'60.0'", ".nan", ".inf"])
+def test_what_is_no_number_is_refused_with_its_entry(number: str) -> None:
+    text = dump_line(Line()).replace("length: 60.0", f"length: {number}")
+    with pytest.raises(LineFileError, match=r"spans\[0\]\.length = .*allowed is a number from 5 to 150 m"):
+        parse_line(text, "mine.yaml")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"name: \xe4\n", "line 1: byte 0xe4 is not UTF-8"), (b"gravity: 1\n---\ngravity: 2\n", "line 2: .*document")],
+)
+def test_odd_files_are_one_line(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_bytes(content)
+    with pytest.raises(LineFileError, match=f"mine.yaml: .*{words}"):
+        load_line(path)
+
+
+def test_a_byte_order_mark_and_line_ends_of_dos_do_not_matter(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_bytes(b"\xef\xbb\xbf" + dump_line(Line()).replace("\n", "\r\n").encode())
+    assert load_line(path) == Line()

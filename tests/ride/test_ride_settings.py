@@ -204,3 +204,19 @@ def test_wrong_parameters_stop_the_command_with_one_line(tmp_path):
     assert done.stderr.strip().count("\n") == 0
     assert "speed_kmh" in done.stderr and "4000" in done.stderr
     assert not (tmp_path / "ride").exists()
+
+
+@pytest.mark.parametrize("option", ["--speed-kmh=1_000", "--duration=nan", "--seed=1_0", "--seed=5.0", "--set=a.b=[1"])
+def test_a_number_of_the_command_line_is_one_of_yaml(option, capsys):
+    with pytest.raises(SystemExit) as ended:
+        parse([option])
+    assert ended.value.code == 2
+    assert option.split("=")[-1] in capsys.readouterr().err
+
+
+def test_values_of_the_command_line_are_yaml_1_2():
+    given = parse(
+        ["--set", "n.a=010", "--set", "n.b=1e-3", "--set", "n.c=yes", "--set", "n.d=[1, 2.5]", "--seed", "010"]
+    )
+    assert given.overrides["n"] == {"a": 10, "b": 1e-3, "c": "yes", "d": [1, 2.5]}
+    assert given.overrides["test_rig_sim"] == {"seed": 10}

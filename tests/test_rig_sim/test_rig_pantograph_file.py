@@ -154,3 +154,26 @@ def test_the_examples_of_the_documentation_are_pantographs(tmp_path: Path) -> No
     names: dict[str, Any] = {"Options": Options, "STANDARD": STANDARD, "Frame": Frame, "chain": chain}
     exec(code.replace("-> Pantograph", ""), names)
     assert names["heavy_head"]().mass.tolist() == [15.0, 12.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("kind: transfer_function\ndenominator: [1.0, 1:30, 1.0]\ncontact: [1.0]\n", "'denominator', entry 2 = '1:30'"),
+        ("kind: transfer_function\ndenominator: [1.0, 1_0, 1.0]\ncontact: [1.0]\n", "'denominator', entry 2 = '1_0'"),
+        ("kind: transfer_function\ndenominator: [1.0, 2.0, 1.0]\ncontact: [1]\ncontact: [2]\n", "line 4: 'contact' is"),
+    ],
+)
+def test_numbers_and_keys_are_those_of_yaml_1_2(tmp_path, text, words):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(PantographFileError, match=words):
+        read_pantograph(path)
+
+
+def test_a_coefficient_with_zeros_before_it_is_decimal(tmp_path):
+    paths = [tmp_path / f"{i}.yaml" for i in range(2)]
+    for path, number in zip(paths, ("010", "10.0"), strict=True):
+        path.write_text(f"kind: transfer_function\ndenominator: [1, {number}, 25]\ncontact: [1e-2]\n")
+    first, second = (read_pantograph(path) for path in paths)
+    assert (first.A == second.A).all()
