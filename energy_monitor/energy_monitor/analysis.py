@@ -62,8 +62,9 @@ def analyse(
     *,
     parameters: Mapping[str, Mapping[str, Any]] | None = None,
     versions: Mapping[str, str] | None = None,
+    ride: int | None = None,
 ) -> Report:
-    """Make the report of the (last) ride in a bag.
+    """Make the report of the last ride in a bag, or of number `ride`.
 
     `parameters` (node, flat name, value) and `versions` are passed on to the report.
 
@@ -73,13 +74,12 @@ def analyse(
         A cycle topic is missing, or the three have no cycle in common.
     """
     # A ride whose parameters are at hand was recorded from its first cycle on.
-    aligned = align(bag, whole=_uplift_force(parameters or {}) is not None)
+    aligned = align(bag, whole=_uplift_force(parameters or {}) is not None, ride=ride)
+    bag = aligned.bag
     ts = cycle_time(bag, aligned.rig)
     series = _series(bag, aligned, ts, settings)
     speed = float(np.median(aligned.catenary["speed"]))
     notes = list(aligned.notes)
-    if not bag.complete:
-        notes.append("The recording was cut off: what was written up to then is analysed.")
     if aligned.missing:
         notes.append("Filters and spectra bridge missing cycles by straight lines.")
     beyond_run_in = bool(series.evaluated.any())
@@ -97,9 +97,8 @@ def analyse(
     quality = comparison.contact_quality(
         series, bag, ts, settings.loss_threshold, settings.cutoff, settings.order, settings.loss_duration
     )
-    ride = _ride(bag, aligned, ts, speed, series)
     return Report(
-        ride=ride,
+        ride=_ride(bag, aligned, ts, speed, series),
         verdicts=judge(
             limits,
             speed,

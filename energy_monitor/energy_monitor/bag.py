@@ -6,6 +6,7 @@ was cut off when its writer was killed. The message definitions are those inside
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,8 +19,10 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from .bag_channel import CDR, BagError, Channel, Source, left_out
 from .bag_columns import Column, Columns, types_of
-from .bag_storage import BagError, Channel, open_source, records
+from .bag_order import FileRide, Part, in_order, joined, rides_of_files
+from .bag_storage import file_records, open_source
 
 __all__ = ["RIDE_FIELDS", "Bag", "BagError", "Diagnostic", "Table", "read_bag"]
 
@@ -53,7 +56,20 @@ RIDE_FIELDS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Fields that the analysis uses, by message type; what a type holds beyond them is not decoded."""
 
+_LISTS: Mapping[str, tuple[str, ...]] = {
+    "CycleTiming": ("turnaround",),
+    "WireShape": ("x", "contact", "carrier", "dropper_x", "dropper_force", "mast_x"),
+    "ImpedanceModel": ("description",),
+}
+"""Those of the fields that are sequences or strings."""
+
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+_UNREADABLE = (SerdeError, ValueError, LookupError, TypeError, AttributeError, struct.error, OverflowError, MemoryError)
+"""What a deserialiser says of a message that is damaged or of another type."""
+
+
+class _DefinitionError(BagError):
+    """The definition of a type that the numbers need cannot be used."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +125,9 @@ class Diagnostic:
 class Bag:
     """A bag in memory: a table a topic, the diagnostics, and how whole the recording is.
 
-    `complete` is false when a file was cut off; `counts` has the messages read a topic (of the types used).
+    `complete` is false when a file was cut off, damaged or missing. `notes` says what is to be said of it, `left_out`
+    how many messages of a topic are not in its table, by reason. `rides_of_files` names the files of each ride where
+    nothing but time and cycle numbers tells which files belong together.
     """
 
     path: Path
@@ -118,6 +136,9 @@ class Bag:
     topics: Mapping[str, str]
     tables: dict[str, Table] = field(default_factory=dict)
     diagnostics: list[Diagnostic] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    left_out: dict[tuple[str, str], int] = field(default_factory=dict)
+    rides_of_files: list[FileRide] = field(default_factory=list)
 
     def table(self, name: str, msgtype: str) -> Table:
         """Return the table whose topic ends in `name`, or else the only one of this message type.
@@ -125,10 +146,18 @@ class Bag:
         Raises BagError if there is none, or several in different namespaces.
         """
         found = self.find(name, msgtype)
-        if found is None:
-            present = ", ".join(sorted(self.topics)) or "no topic at all"
-            raise BagError(f"no {msgtype} in this bag (topic .../{name}); it has: {present}")
-        return found
+        if found is not None:
+            return found
+        topics = [
+            topic for topic, kind in self.topics.items() if _short(kind) == msgtype and topic.endswith(f"/{name}")
+        ]
+        for topic in topics:
+            reasons = [f"{count} are left out, {why}" for (of, why), count in self.left_out.items() if of == topic]
+            if reasons:
+                raise BagError(f"{topic} has no message that can be used: {'; '.join(reasons)}")
+            raise BagError(f"{topic} has no message: the recording ended before the ride began")
+        present = ", ".join(sorted(self.topics)) or "no topic at all"
+        raise BagError(f"no {msgtype} in this bag (topic .../{name}); it has: {present}")
 
     def find(self, name: str, msgtype: str) -> Table | None:
         """Return the table as `table` does, or None if there is none."""
@@ -137,7 +166,10 @@ class Bag:
         found = named or (typed if len(typed) == 1 and msgtype != "ConservedQuantities" else [])
         if len(found) > 1:
             topics = ", ".join(table.topic for table in found)
-            raise BagError(f"several rides in this bag ({topics}): name one by its namespace")
+            spaces = [table.topic.removesuffix(f"/{name}") or "/" for table in found]
+            raise BagError(
+                f"several rides in this bag ({topics}): choose one by its namespace, --namespace {spaces[-1]}"
+            )
         return found[0] if found else None
 
     def of_type(self, msgtype: str) -> list[Table]:
@@ -151,45 +183,146 @@ def read_bag(
     fields: Mapping[str, Sequence[str]] = RIDE_FIELDS,
     namespace: str | None = None,
 ) -> Bag:
-    """Read a ride's topics into numpy columns.
+    """Read a ride's topics into numpy columns, in the order of time.
 
     `fields` names the message types to read and which fields of each; `namespace` picks one ride where a bag
     holds several. Raises BagError, with one line that says what is wrong, if the path holds no readable bag.
     """
-    source = open_source(Path(path))
-    prefix = None if namespace is None else "/" + namespace.strip("/") + "/"
+    try:
+        source = open_source(Path(path))
+        reading = _Reading(source, fields, None if namespace is None else "/" + namespace.strip("/") + "/")
+        reading.read()
+    except OSError as error:
+        raise BagError(f"{error.filename or path}: {error.strerror or error}") from None
+    rides = reading.rides()
+    tables = reading.tables()
+    topics = {topic: channel.msgtype for topic, channel in source.channels.items()}
+    diagnostics = sorted(reading.diagnostics, key=lambda entry: entry.log_time)
+    bag = Bag(source.path, source.storage, source.complete, topics, tables, diagnostics)
+    bag.left_out = dict(source.left_out)
+    bag.notes = list(source.notes)
+    bag.notes += [left_out(count, topic, why) for (topic, why), count in bag.left_out.items()]
+    bag.rides_of_files = rides
+    return bag
 
-    def wanted(channel: Channel) -> bool:
+
+class _Reading:
+    """Messages sorted into parts by file and definition while a bag is read."""
+
+    def __init__(self, source: Source, fields: Mapping[str, Sequence[str]], prefix: str | None) -> None:
+        self._source = source
+        self._fields = fields
+        self._prefix = prefix
+        self._parts: dict[tuple[Path, Channel], Part] = {}
+        self._stores: dict[Channel, Typestore | None] = {}
+        self.diagnostics: list[Diagnostic] = []
+
+    def read(self) -> None:
+        """Read every file; one that is no bag is left out where others are."""
+        failed: list[tuple[Path, BagError]] = []
+        for file in self._source.files:
+            try:
+                self._read_file(file)
+            except BagError as error:
+                if len(self._source.files) == 1 or isinstance(error, _DefinitionError):
+                    raise
+                failed.append((file, error))
+        if failed and len(failed) == len(self._source.files):
+            raise failed[0][1]
+        for _, refusal in failed:
+            self._source.complete = False
+            self._source.note(f"Left out: {refusal}.")
+
+    def _wanted(self, channel: Channel) -> bool:
         if channel.msgtype == _DIAGNOSTICS:
             return True
-        ours = channel.msgtype.startswith("phil_interfaces/") and _short(channel.msgtype) in fields
-        return ours and (prefix is None or channel.topic.startswith(prefix))
+        ours = channel.msgtype.startswith("phil_interfaces/") and _short(channel.msgtype) in self._fields
+        return ours and (self._prefix is None or channel.topic.startswith(self._prefix))
 
-    columns: dict[str, Columns] = {}
-    log_times: dict[str, list[int]] = {}
-    diagnostics: list[Diagnostic] = []
-    store: Typestore | None = None
-    try:
-        for channel, log_time, payload in records(source, wanted):
-            if channel.msgtype == _DIAGNOSTICS:
-                store = store or _typestore(channel)
-                diagnostics += _statuses(store, log_time, payload)
-                continue
-            collector = columns.get(channel.topic)
-            if collector is None:
-                collector = Columns(channel, fields[_short(channel.msgtype)])
-                columns[channel.topic] = collector
-                log_times[channel.topic] = []
-            collector.add(payload)
-            log_times[channel.topic].append(log_time)
-    except OSError as error:
-        raise BagError(f"{path}: {error.strerror or error}") from None
-    tables = {
-        topic: Table(topic, _short(collector.channel.msgtype), np.array(log_times[topic], np.int64), collector.finish())
-        for topic, collector in columns.items()
-    }
-    topics = {topic: channel.msgtype for topic, channel in source.channels.items()}
-    return Bag(source.path, source.storage, source.complete, topics, tables, diagnostics)
+    def _read_file(self, file: Path) -> None:
+        # A channel is one object from the first of its messages to the last: looked up by that, it need not be hashed.
+        known: dict[int, tuple[Channel, Part | None]] = {}
+        place = self._place
+        for channel, log_time, payload in file_records(self._source, file, self._wanted):
+            entry = known.get(id(channel))
+            if entry is None:
+                entry = known[id(channel)] = (channel, self._part(file, channel))
+            if entry[1] is not None:
+                entry[1].add(log_time, place, payload)
+                place += 1
+            elif channel.message_encoding != CDR:
+                encoding = channel.message_encoding or "nothing that is named"
+                self._source.left_out[channel.topic, f"they are encoded as {encoding}, not as cdr"] += 1
+            else:
+                self._diagnose(channel, log_time, payload)
+        self._place = place
+
+    _place = 0
+
+    def _part(self, file: Path, channel: Channel) -> Part | None:
+        if channel.message_encoding != CDR or channel.msgtype == _DIAGNOSTICS:
+            return None
+        part = self._parts.get((file, channel))
+        if part is None:
+            short = _short(channel.msgtype)
+            try:
+                columns = Columns(channel, self._fields[short], _LISTS.get(short, ()))
+            except BagError as error:
+                several = f"{file.name}: " if len(self._source.files) > 1 else ""
+                raise _DefinitionError(f"{several}{error}") from None
+            part = self._parts[file, channel] = Part(channel, file, columns)
+        return part
+
+    def rides(self) -> list[FileRide]:
+        """Group files by the rides they hold; those that metadata.yaml does not name and hold another are left out."""
+        states: dict[str, list[Part]] = {}
+        for part in self._parts.values():
+            if _short(part.channel.msgtype) == "RigState" and "cycle" in part.columns.fields:
+                states.setdefault(part.channel.topic, []).append(part)
+        if len(self._source.files) < 2 or not states:
+            return []
+        rides = max((rides_of_files(parts) for parts in states.values()), key=len)
+        if not self._source.listed:
+            return rides
+        for ride in rides:
+            if self._source.unlisted.issuperset(ride.files):
+                self._source.note(f"Left out, metadata.yaml does not name it and it holds another ride: {ride}.")
+                self._parts = {key: part for key, part in self._parts.items() if key[0] not in ride.files}
+        return []
+
+    def tables(self) -> dict[str, Table]:
+        """Give a table a topic; a second type on a topic is told by its name behind the topic's."""
+        parts: dict[tuple[str, str], list[Part]] = {}
+        for part in self._parts.values():
+            parts.setdefault((part.channel.topic, part.channel.msgtype), []).append(part)
+        names: dict[str, tuple[str, str]] = {}
+        for topic, msgtype in parts:
+            names[f"{topic} ({_short(msgtype)})" if topic in names else topic] = (topic, msgtype)
+        found = {name: joined(parts[key]) for name, key in names.items()}
+        for (topic, _), several in parts.items():
+            for part in several:
+                for why, count in part.columns.refused.items():
+                    self._source.left_out[topic, why] += count
+        return {
+            name: Table(names[name][0], _short(names[name][1]), table.log_time, table.columns)
+            for name, table in in_order(found).items()
+            if len(table.log_time)
+        }
+
+    def _diagnose(self, channel: Channel, log_time: int, payload: bytes) -> None:
+        if channel not in self._stores:
+            try:
+                self._stores[channel] = _typestore(channel)
+            except BagError as error:
+                self._stores[channel] = None
+                self._source.note(f"Warnings on {channel.topic} are not in this report: {error}.")
+        store = self._stores[channel]
+        if store is None:
+            return
+        try:
+            self.diagnostics += _statuses(store, log_time, payload)
+        except _UNREADABLE:
+            self._source.left_out[channel.topic, "they cannot be read"] += 1
 
 
 def _short(msgtype: str) -> str:
@@ -197,6 +330,8 @@ def _short(msgtype: str) -> str:
 
 
 def _typestore(channel: Channel) -> Typestore:
+    if not channel.definition:  # a common type: the bag need not explain it
+        return get_typestore(Stores.ROS2_JAZZY)
     store = get_typestore(Stores.EMPTY)
     store.register(types_of(channel))
     return store
@@ -204,10 +339,7 @@ def _typestore(channel: Channel) -> Typestore:
 
 def _statuses(store: Typestore, log_time: int, payload: bytes) -> list[Diagnostic]:
     """Deserialise a DiagnosticArray; a status of level OK is of no interest to a report."""
-    try:
-        message = store.deserialize_cdr(payload, _DIAGNOSTICS)
-    except SerdeError as error:
-        raise BagError(f"a message on /diagnostics cannot be read: {error}") from None
+    message = store.deserialize_cdr(payload, _DIAGNOSTICS)
     found = []
     statuses: list[SimpleNamespace] = getattr(message, "status", [])
     for status in statuses:

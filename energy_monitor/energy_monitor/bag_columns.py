@@ -7,6 +7,7 @@ looked at.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import TypesysError, get_types_from_idl, get_types_from_msg
 
-from .bag_storage import BagError, Channel
+from .bag_channel import BagError, Channel
 
 Column = NDArray[Any] | list[Any]
 
@@ -36,23 +37,51 @@ def types_of(channel: Channel) -> Typesdict:
     if not channel.definition:
         raise BagError(f"the bag holds no message definition for {channel.msgtype} ({channel.topic})")
     try:
-        if channel.encoding == "ros2msg":
-            return get_types_from_msg(channel.definition, channel.msgtype)
         types: Typesdict = {}
+        if channel.encoding == "ros2msg":
+            types = get_types_from_msg(channel.definition, channel.msgtype)
+            _complete(types, channel.msgtype, channel.msgtype)
+            return types
         for part in channel.definition.split("=" * 80 + "\n"):
             text = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
             if text.strip():
                 types.update(get_types_from_idl(text))
+        _complete(types, channel.msgtype, channel.msgtype)
         return types
-    except TypesysError as error:
-        first = str(error).splitlines()[0]
+    except (TypesysError, AssertionError, LookupError, ValueError, TypeError, AttributeError, RecursionError) as error:
+        first = (str(error) or type(error).__name__).splitlines()[0]
         raise BagError(f"message definition of {channel.msgtype} cannot be parsed: {first}") from None
+
+
+def _complete(types: Typesdict, typename: str, whole: str, above: tuple[str, ...] = ()) -> None:
+    """Check that every type that `typename` contains is there; raises BagError that names the one that is not."""
+    if typename not in types:
+        raise BagError(f"message definition of {whole} lacks {typename}")
+    if typename in above:
+        raise BagError(f"message definition of {whole} cannot be parsed: {typename} contains itself")
+    fields: Any = types[typename][1]
+    for _, (kind, detail) in fields:
+        inner, name = (kind, detail) if kind in (Nodetype.BASE, Nodetype.NAME) else detail[0]
+        if inner == Nodetype.NAME:
+            _complete(types, name, whole, (*above, typename))
 
 
 class _Leaf(NamedTuple):
     code: str
     offset: int
     length: int | None  # None: a scalar; else elements of an array, bytes of a string
+
+
+class _Item(NamedTuple):
+    """A field in the order of the message: name, base type, and elements (0: as many as the message says)."""
+
+    name: str
+    base: str
+    elements: int | None
+
+
+_SPARE = 8
+"""Bytes that may follow a message's last field: middlewares fill up to a multiple of four."""
 
 
 @dataclass
@@ -66,25 +95,39 @@ class _Layout:
 class Columns:
     """Collects the wanted fields of messages of one type; nested fields are named with a dot.
 
-    Scalars become arrays of shape (messages,), strings and sequences lists with one entry a message.
+    Scalars become arrays of shape (messages,), strings and sequences lists with one entry a message. Messages that do
+    not fit the definition are left out.
     """
 
     BATCH = 4096
 
-    def __init__(self, channel: Channel, fields: Sequence[str]) -> None:
-        """Prepare for a channel; raises BagError if its type lacks a wanted field."""
+    def __init__(self, channel: Channel, fields: Sequence[str], lists: Sequence[str] | None = None) -> None:
+        """Prepare for a channel; raises BagError if its type lacks a wanted field.
+
+        `lists` names those of the fields that have to be strings or sequences, where the others have to be scalars.
+        """
         self.channel = channel
         self.fields = tuple(fields)
+        self.refused: Counter[str] = Counter()
+        """How many messages were left out, by reason."""
         self._types = types_of(channel)
         self._pending: list[bytes] = []
         self._parts: dict[str, list[Column]] = {name: [] for name in fields}
-        known = {leaf for leaf, _ in self._flatten(channel.msgtype, "")}
+        self._kept: list[NDArray[np.int64]] = []
+        self._count = 0
+        known = dict(self._flatten(channel.msgtype, ""))
         missing = [name for name in fields if name not in known]
         if missing:
             raise BagError(
                 f"{channel.msgtype} in this bag has no field {', '.join(missing)}: it was recorded by another version "
                 "of the nodes, and only that version's analysis fits it"
             )
+        for name in fields if lists is not None else ():
+            listed = known[name][0] != Nodetype.BASE or known[name][1][0] in ("string", "wstring")
+            if listed != (name in (lists or ())):
+                kinds = ("a number", "a list or a text") if listed else ("a list or a text", "a number")
+                raise BagError(f"{channel.msgtype}.{name} in this bag is not {kinds[0]} but {kinds[1]}")
+        self._items, self._exact = self._order(known)
 
     def add(self, payload: bytes) -> None:
         """Take one CDR payload."""
@@ -103,6 +146,27 @@ class Columns:
                 result[name] = [entry for part in parts for entry in part]
         return result
 
+    @property
+    def kept(self) -> NDArray[np.int64]:
+        """Which of the messages are in the columns of `finish`, by the order in which they were added."""
+        return np.concatenate(self._kept) if self._kept else np.zeros(0, np.int64)
+
+    def _order(self, known: dict[str, tuple[Any, ...]]) -> tuple[list[_Item], bool]:
+        """List the fields up to the first that is not supported behind the wanted ones; tell if these are all."""
+        wanted = set(self.fields)
+        items: list[_Item] = []
+        for name, (kind, detail) in known.items():
+            (inner, base), bound = ((kind, detail), None) if kind == Nodetype.BASE else detail
+            named = "" if inner != Nodetype.BASE else str(base[0])
+            single = bound is None or named not in ("string", "wstring")
+            if not (single and (named == "string" or named in _CODES)):
+                if wanted:
+                    raise BagError(f"{self.channel.msgtype}.{name}: fields of this type are not supported")
+                return items, False
+            items.append(_Item(name, named, None if bound is None else bound if kind == Nodetype.ARRAY else 0))
+            wanted.discard(name)
+        return items, True
+
     def _flatten(self, typename: str, prefix: str) -> list[tuple[str, tuple[Any, ...]]]:
         leaves: list[tuple[str, tuple[Any, ...]]] = []
         fields: Any = self._types[typename][1]
@@ -118,29 +182,50 @@ class Columns:
         if not payloads:
             return
         columns: dict[str, Column] = {}
+        good = np.zeros(len(payloads), np.bool_)
         by_size: dict[int, list[int]] = {}
         for index, payload in enumerate(payloads):
             by_size.setdefault(len(payload), []).append(index)
         for size, indices in by_size.items():
             rest = np.array(indices)
+            if size < _ENCAPSULATION:
+                self.refused["they are empty"] += len(rest)
+                continue
+            block = np.frombuffer(b"".join([payloads[i] for i in rest]), np.uint8).reshape(-1, size)
             while len(rest):
-                block = np.frombuffer(b"".join([payloads[i] for i in rest]), np.uint8).reshape(-1, size)
-                same = self._decode(block, rest, len(payloads), columns)
-                rest = rest[~same]
-        for name in self.fields:
-            self._parts[name].append(columns[name])
+                taken = self._decode(block, rest, len(payloads), columns, good)
+                rest, block = rest[~taken], block[~taken]
+        for name, column in columns.items():
+            if isinstance(column, np.ndarray):
+                self._parts[name].append(column[good])
+            else:
+                self._parts[name].append([column[i] for i in np.flatnonzero(good)])
+        self._kept.append(np.flatnonzero(good) + self._count)
+        self._count += len(payloads)
 
     def _decode(
-        self, block: NDArray[np.uint8], rows: NDArray[np.int64], total: int, columns: dict[str, Column]
+        self,
+        block: NDArray[np.uint8],
+        rows: NDArray[np.int64],
+        total: int,
+        columns: dict[str, Column],
+        good: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
-        """Decode those rows of the block that have the first row's layout; tell which."""
+        """Decode those rows of the block that have the first row's layout, or refuse them; tell which."""
+        same: NDArray[np.bool_] = (block[:, 0] == block[0, 0]) & (block[:, 1] == block[0, 1])
+        if block[0, 0] != 0 or block[0, 1] > 1:
+            self.refused[f"they are no CDR (encapsulation 0x{block[0, 0]:02x}{block[0, 1]:02x})"] += int(same.sum())
+            return same
         order = "<" if block[0, 1] & 1 else ">"
-        layout = self._layout(block[0].tobytes(), order)
-        same = block[:, 1] == block[0, 1]
+        layout, problem = self._layout(block[0].tobytes(), order)
         for offset, length in layout.lengths.items():
             found = np.ascontiguousarray(block[:, offset : offset + 4]).view(order + "u4")[:, 0]
             same &= found == length
+        if problem is not None:
+            self.refused[problem] += int(same.sum())
+            return same
         chosen, at = block[same], rows[same]
+        good[at] = True
         for name, leaf in layout.leaves.items():
             width = np.dtype(leaf.code).itemsize * (1 if leaf.length is None else leaf.length)
             raw = np.ascontiguousarray(chosen[:, leaf.offset : leaf.offset + width])
@@ -160,10 +245,12 @@ class Columns:
                     listed[row] = entry
         return same
 
-    def _layout(self, payload: bytes, order: str) -> _Layout:
+    def _layout(self, payload: bytes, order: str) -> tuple[_Layout, str | None]:
+        """Find where the fields lie in a message, and say what is wrong with it if it does not fit the definition."""
         layout = _Layout()
         position = 0  # behind the encapsulation, which alignment does not count
-        last = set(self.fields)
+        wanted = set(self.fields)
+        room = len(payload) - _ENCAPSULATION
 
         def align(width: int) -> None:
             nonlocal position
@@ -173,30 +260,27 @@ class Columns:
             nonlocal position
             align(4)
             at = position + _ENCAPSULATION
+            position += 4
+            if position > room:
+                return 0
             value = int.from_bytes(payload[at : at + 4], "little" if order == "<" else "big")
             layout.lengths[at] = value
-            position += 4
             return value
 
-        for name, (kind, detail) in self._flatten(self.channel.msgtype, ""):
-            base, count = detail, None
-            if kind != Nodetype.BASE:
-                (inner, base), bound = detail
-                if inner != Nodetype.BASE or base[0] in ("string", "wstring"):
-                    raise BagError(f"{self.channel.msgtype}.{name}: arrays of this type are not supported")
-                count = bound if kind == Nodetype.ARRAY else length()
-            if base[0] == "string":
+        for name, base, count in self._items:
+            if count == 0:
+                count = length()
+            if base == "string":
                 code, count = "S1", length()
             else:
-                code = _CODES[base[0]]
+                code = _CODES[base]
                 if count != 0:  # an empty sequence is not padded
                     align(np.dtype(code).itemsize)
-            if name in last:
+            if name in wanted:
                 layout.leaves[name] = _Leaf(code, position + _ENCAPSULATION, count)
-                last.discard(name)
             position += np.dtype(code).itemsize * (1 if count is None else count)
-            if not last:
-                break
-        if position + _ENCAPSULATION > len(payload):
-            raise BagError(f"a message on {self.channel.topic} is shorter than its definition says")
-        return layout
+            if position > room:
+                return layout, "they are shorter than their definition says"
+        if self._exact and room - position >= _SPARE:
+            return layout, "they are longer than their definition says"
+        return layout, None

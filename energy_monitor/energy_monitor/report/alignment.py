@@ -9,18 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from energy_monitor.bag import Bag, BagError, Table
-from energy_monitor.cycles import AHEAD, JumpFilter
+from energy_monitor.bag_channel import left_out
 from energy_monitor.report.results import Stream
+from energy_monitor.report.rides import bag_of_ride, cycles_of, described, last_ride, paired, rides_of
 from energy_monitor.topics import CATENARY_STATE, COMMAND, RIG_STATE
 
-RESTART = 64
-"""Cycles that a stream has to fall back to count as a new ride and not as messages out of order."""
+__all__ = ["Aligned", "align", "completeness", "cycle_time", "last_ride", "ranges", "unique", "valid"]
 
 
 @dataclass(frozen=True)
 class Aligned:
-    """The three cycle streams at their common cycles, how complete each is, and what else there is to say."""
+    """The three cycle streams at their common cycles, how complete each is, and what else there is to say.
 
+    `bag` holds what was recorded during this ride.
+    """
+
+    bag: Bag
     cycle: NDArray[np.int64]
     rig: Table
     catenary: Table
@@ -32,34 +36,47 @@ class Aligned:
     notes: list[str]
 
 
-def align(bag: Bag, whole: bool = False) -> Aligned:
-    """Bring rig state, catenary state and command together by cycle number.
+def align(bag: Bag, whole: bool = False, ride: int | None = None) -> Aligned:
+    """Bring rig state, catenary state and command of the last ride (or of number `ride`, from 1) together by cycle.
 
     A ride that was recorded as a `whole` has to begin with cycle 0; otherwise the recording may begin later.
 
     Raises
     ------
     BagError
-        One of the three is not in the bag, or they have no cycle in common.
+        One of the three is not in the bag, they have no cycle in common, there is no such ride, or files of several
+        rides lie together and none is chosen.
     """
+    if ride is None and len(bag.rides_of_files) > 1:
+        several = "; ".join(str(files) for files in bag.rides_of_files)
+        raise BagError(
+            f"{bag.path} holds files of several rides: {several}: name one file, or choose by --ride N (1, 2, ..)"
+        )
     names = (
         (RIG_STATE, "RigState", ("w_tr", "v_tr", "f_tr", "work", "impulse")),
         (CATENARY_STATE, "CatenaryState", ("w_cat", "v_cat", "f_cat", "work", "impulse", "speed")),
         (COMMAND, "ImpedanceCommand", ("f_tr", "f_predicted", "f_cor", "f_cat")),
     )
     recorded = [bag.table(name, kind) for name, kind, _ in names]
-    raw = [valid(table, needed) for table, (_, _, needed) in zip(recorded, names, strict=True)]
-    streams = [completeness(table) for table in raw]
-    rig, *_ = tables = [unique(last_ride(table)) for table in raw]
-    notes = []
-    for table, before in zip(raw, recorded, strict=True):
-        if len(table) < len(before):
-            refused = f"{len(before) - len(table)} messages on {table.topic} are left out"
-            notes.append(f"{refused}: NaN, infinity or a cycle number far ahead.")
-    if any(stream.restarts for stream in streams):
-        notes.append("The nodes were reset while the bag was recorded: the last ride in it is analysed.")
+    finite = [valid(table, needed) for table, (_, _, needed) in zip(recorded, names, strict=True)]
+    streams = [rides_of(table) for table in finite]
+    rides = paired(streams)
+    if ride is not None and not 1 <= ride <= len(rides):
+        raise BagError(f"there is no ride {ride} in this bag; it holds {described(rides)}")
+    chosen = len(rides) - 1 if ride is None else ride - 1
+    notes = list(bag.notes)
+    for table, good, parts in zip(recorded, finite, streams, strict=True):
+        notes += _left_out(table, good, parts)
+    if len(rides) > 1:
+        which = "The last one" if ride is None else f"Number {ride}"
+        notes.append(
+            f"The nodes were reset while the bag was recorded: it holds {len(rides)} rides ({described(rides)}). "
+            f"{which} is analysed; --ride N chooses."
+        )
+    counted = [completeness(table, len(rides) - 1) for table in rides[chosen]]
+    rig, *_ = tables = [unique(table) for table in rides[chosen]]
     ended = bool(rig["last"].any())
-    cycles = [table["cycle"].astype(np.int64) for table in tables]
+    cycles = [cycles_of(table) for table in tables]
     begin = 0 if whole or cycles[0][0] == 0 else max(int(c[0]) for c in cycles)
     end = int(cycles[0][-1]) if ended else min(int(c[-1]) for c in cycles)
     if begin > 0:
@@ -75,11 +92,12 @@ def align(bag: Bag, whole: bool = False) -> Aligned:
     missing = np.setdiff1d(np.arange(begin, end + 1), common, assume_unique=True)
     taken = [table.take(np.searchsorted(c, common)) for table, c in zip(tables, cycles, strict=True)]
     return Aligned(
+        bag=bag_of_ride(bag, rides, chosen),
         cycle=common,
         rig=taken[0],
         catenary=taken[1],
         command=taken[2],
-        streams=streams,
+        streams=counted,
         expected=end - begin + 1,
         missing=[int(cycle) for cycle in missing],
         ended=ended,
@@ -87,10 +105,9 @@ def align(bag: Bag, whole: bool = False) -> Aligned:
     )
 
 
-def completeness(table: Table) -> Stream:
-    """Count the missing and double cycles of a stream's last ride."""
-    restarts = len(_restarts(table))
-    cycle = last_ride(table)["cycle"].astype(np.int64)
+def completeness(table: Table, restarts: int = 0) -> Stream:
+    """Count the missing and double cycles of a ride's stream."""
+    cycle = cycles_of(table)
     present = np.unique(cycle)
     missing = np.setdiff1d(np.arange(present[0], present[-1] + 1), present, assume_unique=True)
     return Stream(
@@ -107,30 +124,25 @@ def completeness(table: Table) -> Stream:
 
 
 def valid(table: Table, needed: Sequence[str]) -> Table:
-    """Drop what the nodes refuse too: messages with a number that is not finite, or with a stray cycle number."""
-    good = np.logical_and.reduce([np.isfinite(table.real(name)) for name in needed])
-    return believable(table if good.all() else table.take(good))
+    """Drop what the nodes refuse too: messages with a number that is not finite, or with an impossible cycle.
+
+    Raises BagError if none is left.
+    """
+    good = np.logical_and.reduce([np.isfinite(table.real(name)) for name in needed] + [cycles_of(table) >= 0])
+    if not good.any():
+        raise BagError(f"no message on {table.topic} can be used: NaN, infinity or an impossible cycle number in each")
+    return table if good.all() else table.take(good)
 
 
-def believable(table: Table) -> Table:
-    """Drop messages whose cycle number is far ahead of the one before and that no others follow there."""
-    cycle = table["cycle"].astype(np.int64)
-    if len(cycle) < 2 or not (np.diff(cycle) > AHEAD).any():
-        return table
-    jumps, expected = JumpFilter(), int(cycle[0]) + 1
-    good = np.zeros(len(cycle), np.bool_)
-    for row, number in enumerate(cycle.tolist()):
-        good[row] = jumps.believes(number, expected)
-        if good[row]:
-            expected = number + 1
-    return table.take(good)
-
-
-def last_ride(table: Table) -> Table:
-    """Cut all that came before the last reset, which shows as a cycle number that falls back."""
-    table = believable(table)
-    restarts = _restarts(table)
-    return table.take(np.arange(restarts[-1], len(table))) if len(restarts) else table
+def _left_out(recorded: Table, finite: Table, rides: Sequence[Table]) -> list[str]:
+    """Say how many messages of a stream are not used, and why."""
+    bad, used = len(recorded) - len(finite), sum(len(ride) for ride in rides)
+    stray = len(finite) - used
+    if not bad + stray:
+        return []
+    reasons = [f"{bad} with NaN, infinity or an impossible cycle number"] if bad else []
+    reasons += [f"{stray} with a cycle number that is far ahead, far behind or repeated"] if stray else []
+    return [left_out(bad + stray, recorded.topic, ", ".join(reasons))]
 
 
 def unique(table: Table) -> Table:
@@ -169,12 +181,3 @@ def ranges(numbers: NDArray[np.int64] | list[int], most: int = 20) -> list[str]:
     if len(groups) > most:
         texts.append(f"and {len(groups) - most} more")
     return texts
-
-
-def _restarts(table: Table) -> NDArray[np.int64]:
-    cycle = table["cycle"].astype(np.int64)
-    if len(cycle) == 0:
-        raise BagError(f"no message on {table.topic} could be read")
-    before, after = cycle[:-1], cycle[1:]
-    found: NDArray[np.int64] = np.flatnonzero((before - after > RESTART) | ((after == 0) & (before > 0))) + 1
-    return found

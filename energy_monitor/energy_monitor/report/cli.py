@@ -29,6 +29,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add("--limits", type=Path, metavar="FILE", help="YAML with limits of the verdicts that replace the usual ones")
     add("--run-in", type=seconds, metavar="S", help="seconds at the beginning that the statistics leave out")
     add("--namespace", metavar="NS", help="namespace of the ride's nodes, where the bag holds several")
+    add("--ride", type=number, metavar="N", help="which ride, from 1, where the bag holds several (the last one)")
     add("--no-html", action="store_true", help="numbers only: neither page nor figures")
     add(
         "--json",
@@ -38,6 +39,19 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         "standard error",
     )
     return parser.parse_args(argv)
+
+
+def number(text: str) -> int:
+    """Read the number of a ride, from 1.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        The text is no such number.
+    """
+    if not (text.isascii() and text.isdecimal() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not the number of a ride (1, 2, ..)")
+    return int(text)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -66,6 +80,7 @@ def _analyze(options: argparse.Namespace) -> int:
             html=not options.no_html,
             json_file=options.json,
             namespace=options.namespace,
+            ride=options.ride,
         )
     except ReportError as error:
         print(f"analyze: {error}", file=sys.stderr)

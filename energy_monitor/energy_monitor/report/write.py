@@ -37,13 +37,15 @@ def write_report(
     html: bool = True,
     json_file: Path | str | None = None,
     namespace: str | None = None,
+    ride: int | None = None,
 ) -> Report:
     """Analyse a bag and write report.json, report.html, ride.png and figures/*.png.
 
     `out_dir` is by default the ride's folder, or a folder beside the bag. `params` (by default params.yaml beside the
     bag) is the parameter file of the ride, `limits` overrides single limits of the verdicts, `run_in` in s what the
     statistics leave out, `json_file` the place of report.json ("-": standard output). `html` False leaves out page and
-    figures. A file appears when it is whole: what interrupts the work leaves an earlier report as it was.
+    figures. `namespace` and `ride` choose where a bag holds several rides. A file appears when it is whole: what
+    interrupts the work leaves an earlier report as it was.
 
     Raises
     ------
@@ -61,6 +63,7 @@ def write_report(
             limits_of(monitor, limits),
             parameters=parameters,
             versions=versions(),
+            ride=ride,
         )
         out = Path(out_dir) if out_dir else default_folder(bag)
         if html or not json_file:

@@ -1,0 +1,225 @@
+"""The rides in a bag, told by the cycle numbers of its streams.
+
+A stream is a sequence of chains: runs of cycle numbers that go on from each other. A chain is a ride of its own only if
+numbers fall back and go on from there; a few stray messages, or old ones that come again, are none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from energy_monitor.bag import Bag, BagError, Table
+from energy_monitor.cycles import AHEAD
+
+STEP_BACK = 64
+"""Cycles that a message may be behind the newest and be one out of order; beyond, it is a stray one or a new ride."""
+SEVERAL = 10
+"""Messages that go on from each other and so are no stray ones."""
+LONGEST_GAP = 10_000_000
+"""Cycles that may be missing within a ride: hours."""
+_OPEN = 8
+"""Chains that a message may go on from: the ones that were met last."""
+
+Rows = NDArray[np.int64]
+Cycles = NDArray[np.int64]
+
+
+@dataclass
+class Chain:
+    """Rows of a stream whose cycle numbers go on from each other."""
+
+    rows: Rows
+    cycle: Cycles
+
+    @property
+    def first(self) -> int:
+        """Give the smallest cycle."""
+        return int(self.cycle.min())
+
+    @property
+    def last(self) -> int:
+        """Give the largest cycle."""
+        return int(self.cycle.max())
+
+
+def rides_of(table: Table) -> list[Table]:
+    """Split a stream into its rides, in their order; stray messages and those that came again are in none."""
+    cycle = cycles_of(table)
+    chains = _chains(cycle)
+    if not chains:
+        return []
+    if len(chains) == 1:
+        return [table if len(chains[0].rows) == len(table) else table.take(chains[0].rows)]
+    long = [chain for chain in chains if len(chain.rows) >= SEVERAL]
+    if not long:
+        long = [max(chains, key=lambda chain: (len(chain.rows), chain.rows[0]))]
+    rides: list[Chain] = []
+    for chain in long:
+        before = rides[-1] if rides else None
+        if _inserted(chain, long) or any(_repeats(table, chain, ride) for ride in rides):
+            continue
+        if before is not None and chain.rows[0] > before.rows[-1] and 0 < chain.first - before.last < LONGEST_GAP:
+            rides[-1] = _merged(before, chain)
+        else:
+            rides.append(chain)
+    loose = np.setdiff1d(np.arange(len(table)), np.concatenate([ride.rows for ride in rides]), assume_unique=True)
+    return [table.take(_with_late(table, ride, cycle, loose)) for ride in rides]
+
+
+def last_ride(table: Table) -> Table:
+    """Give the last ride of a stream."""
+    rides = rides_of(table)
+    if not rides:
+        raise BagError(f"no message on {table.topic} could be read")
+    return rides[-1]
+
+
+def cycles_of(table: Table) -> Cycles:
+    """Give the cycle numbers; those beyond any sense come out negative."""
+    return table["cycle"].astype(np.int64)
+
+
+def paired(streams: Sequence[list[Table]]) -> list[list[Table]]:
+    """Bring the rides of several streams together; one that is not in all of them is none.
+
+    Streams with equally many rides have the same ones; else those belong together that were recorded at the same time.
+    """
+    if len({len(rides) for rides in streams}) == 1:
+        return [list(ride) for ride in zip(*streams, strict=True)]
+    found = []
+    for first in streams[0]:
+        ride = [first]
+        for others in streams[1:]:
+            best = max(others, key=lambda other: _overlap(first, other), default=None)
+            if best is None or not len(np.intersect1d(cycles_of(first), cycles_of(best))):
+                break
+            ride.append(best)
+        if len(ride) == len(streams):
+            found.append(ride)
+    return found or [[rides[-1] for rides in streams]]
+
+
+def bag_of_ride(bag: Bag, rides: Sequence[Sequence[Table]], chosen: int) -> Bag:
+    """Give the bag with what was recorded during one of its rides only; the model stays, it is sent once."""
+    if len(rides) < 2:
+        return bag
+    begins = [min(int(table.log_time[0]) for table in ride) for ride in rides]
+    begin = begins[chosen]
+    ends = [time for time in begins if time > begin]
+    end = min(ends) if ends else None
+
+    def within(table: Table) -> Table:
+        after = np.ones(len(table), np.bool_) if table.msgtype == "ImpedanceModel" else table.log_time >= begin
+        return table.take(after if end is None else after & (table.log_time < end))
+
+    tables = {name: within(table) for name, table in bag.tables.items()}
+    first = begin == min(begins)
+    diagnostics = [
+        entry
+        for entry in bag.diagnostics
+        if (first or entry.log_time >= begin) and (end is None or entry.log_time < end)
+    ]
+    return replace(bag, tables=tables, diagnostics=diagnostics)
+
+
+def described(rides: Sequence[Sequence[Table]]) -> str:
+    """List rides by number and cycles."""
+    texts = []
+    for number, (rig, *_) in enumerate(rides, 1):
+        cycle = cycles_of(rig)
+        texts.append(f"{number}: cycles {cycle.min()} to {cycle.max()}")
+    return ", ".join(texts)
+
+
+def _chains(cycle: Cycles) -> list[Chain]:
+    """Split cycle numbers into chains, in the order in which these begin."""
+    rows = np.arange(len(cycle))
+    if not len(cycle):
+        return []
+    step = np.diff(cycle)
+    to_zero = (cycle[1:] == 0) & (cycle[:-1] > 0)
+    if not ((step < -STEP_BACK) | (step > AHEAD) | to_zero).any():
+        return [Chain(rows, cycle)]
+    rising = step[step > 0]
+    usual = int(np.median(rising)) if len(rising) else 1
+    cuts = np.flatnonzero((step != 0) & (step != usual)) + 1
+    begins, ends = np.concatenate([[0], cuts]), np.concatenate([cuts, [len(cycle)]])
+    chains: list[list[tuple[int, int]]] = []
+    tops: list[int] = []
+    recent: list[int] = []
+    firsts, lasts = cycle[begins].tolist(), cycle[ends - 1].tolist()
+    for begin, end, first, last in zip(begins.tolist(), ends.tolist(), firsts, lasts, strict=True):
+        chosen = _fitting(first, usual, tops, recent)
+        if chosen is None:
+            chosen = len(chains)
+            chains.append([])
+            tops.append(last)
+        else:
+            recent.remove(chosen)
+        chains[chosen].append((begin, end))
+        tops[chosen] = max(tops[chosen], last)
+        recent = [*recent[1 - _OPEN :], chosen]
+    taken = [np.concatenate([rows[begin:end] for begin, end in runs]) for runs in chains]
+    return [Chain(row, cycle[row]) for row in taken]
+
+
+def _fitting(first: int, usual: int, tops: Sequence[int], recent: Sequence[int]) -> int | None:
+    """Choose the chain that a run that begins with this cycle goes on from; None if it goes on from none."""
+    best, least = None, AHEAD + STEP_BACK
+    for index in reversed(recent):
+        ahead = first - tops[index]
+        far = abs(ahead - usual)
+        if -STEP_BACK <= ahead <= AHEAD and (first > 0 or ahead >= 0) and far < least:
+            best, least = index, far
+    return best
+
+
+def _inserted(chain: Chain, long: Sequence[Chain]) -> bool:
+    """Tell whether another chain goes on behind this one, and stood still meanwhile: these are no ride."""
+    begin, end = int(chain.rows[0]), int(chain.rows[-1])
+    for other in long:
+        if other is not chain and other.rows[0] < begin and other.rows[-1] > end:
+            left, right = np.searchsorted(other.rows, (begin, end))
+            if left == right:
+                return True
+    return False
+
+
+def _repeats(table: Table, chain: Chain, ride: Chain) -> bool:
+    """Tell whether a chain that does not begin at the beginning holds only messages that the ride has too."""
+    if chain.first <= STEP_BACK or not np.isin(chain.cycle, ride.cycle).all():
+        return False
+    order = np.argsort(ride.cycle, kind="stable")
+    same = ride.rows[order][np.searchsorted(ride.cycle[order], chain.cycle)]
+    columns = [column for column in table.columns.values() if isinstance(column, np.ndarray)]
+    return all(np.array_equal(column[same], column[chain.rows]) for column in columns)
+
+
+def _merged(one: Chain, other: Chain) -> Chain:
+    return Chain(np.concatenate([one.rows, other.rows]), np.concatenate([one.cycle, other.cycle]))
+
+
+def _with_late(table: Table, ride: Chain, cycle: Cycles, loose: Rows) -> Rows:
+    """Add messages that came much too late to a ride: of cycles that it lacks, stamped between their neighbours."""
+    stamped = {"header.stamp.sec", "header.stamp.nanosec"} <= table.columns.keys()
+    if not len(loose) or not stamped:
+        return ride.rows
+    stamp = table["header.stamp.sec"].astype(np.int64) * 10**9 + table["header.stamp.nanosec"].astype(np.int64)
+    order = np.argsort(ride.cycle, kind="stable")
+    known, rows = ride.cycle[order], ride.rows[order]
+    loose = loose[(cycle[loose] >= 0) & (cycle[loose] < known[-1]) & (cycle[loose] >= known[0] - STEP_BACK)]
+    at = np.searchsorted(known, cycle[loose])
+    after = stamp[rows[at]]
+    before = np.where(at > 0, stamp[rows[np.maximum(at - 1, 0)]], np.iinfo(np.int64).min)
+    fits = (known[at] != cycle[loose]) & (stamp[loose] > before) & (stamp[loose] < after)
+    return np.sort(np.concatenate([ride.rows, loose[fits]]))
+
+
+def _overlap(one: Table, other: Table) -> tuple[int, int]:
+    """Rate how much two rides were recorded at the same time (ns), and else how close they began."""
+    begin, end = max(one.log_time[0], other.log_time[0]), min(one.log_time[-1], other.log_time[-1])
+    return max(0, int(end) - int(begin)), -abs(int(one.log_time[0]) - int(other.log_time[0]))
