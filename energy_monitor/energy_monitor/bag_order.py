@@ -137,7 +137,9 @@ def rides_of_files(parts: Sequence[Part]) -> list[FileRide]:
     rides: list[FileRide] = []
     curves: list[tuple[Integers, Integers]] = []
     for begin, end, file, time, cycle in spans:
-        first, last = int(np.median(cycle[:_EDGE])), int(np.median(cycle[-_EDGE:]))
+        edges = np.median(cycle[:_EDGE]), np.median(cycle[-_EDGE:])
+        half = min(_EDGE, len(cycle)) // 2
+        first, last = max(0, int(edges[0]) - half), int(edges[1]) + half
         for index, ride in enumerate(rides):
             if _continues(ride, curves[index], begin, first):
                 ride.files += [file] if file not in ride.files else []
@@ -146,16 +148,17 @@ def rides_of_files(parts: Sequence[Part]) -> list[FileRide]:
                 curves[index] = (time, cycle)
                 break
         else:
-            rides.append(FileRide([file], (int(cycle.min()), int(cycle.max())), (begin, end)))
+            rides.append(FileRide([file], (first, last), (begin, end)))
             curves.append((time, cycle))
     return rides
 
 
 def _continues(ride: FileRide, before: tuple[Integers, Integers], begin: int, first: int) -> bool:
-    if begin > ride.times[1]:
-        return first > ride.cycles[1] - STEP_BACK
     time, cycle = before
-    there = int(cycle[min(int(np.searchsorted(time, begin)), len(cycle) - 1)])
+    if begin >= ride.times[1]:
+        return bool(first > np.median(cycle[-_EDGE:]) - STEP_BACK)
+    at = int(np.searchsorted(time, begin))
+    there = int(np.median(cycle[max(0, min(at, len(cycle)) - _EDGE) : at + _EDGE]))
     return abs(first - there) <= STEP_BACK
 
 

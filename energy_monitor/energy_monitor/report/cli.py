@@ -65,23 +65,26 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _analyze(options: argparse.Namespace) -> int:
+    import numpy as np
     from rich.console import Console
 
     from energy_monitor.report.table import summary_table
     from energy_monitor.report.write import ReportError, write_report
 
     try:
-        report = write_report(
-            options.bag,
-            options.out,
-            options.params,
-            limits=options.limits,
-            run_in=options.run_in,
-            html=not options.no_html,
-            json_file=options.json,
-            namespace=options.namespace,
-            ride=options.ride,
-        )
+        # A damaged message may hold any number: what comes of it is in the report, and not in lines about overflow.
+        with np.errstate(all="ignore"):
+            report = write_report(
+                options.bag,
+                options.out,
+                options.params,
+                limits=options.limits,
+                run_in=options.run_in,
+                html=not options.no_html,
+                json_file=options.json,
+                namespace=options.namespace,
+                ride=options.ride,
+            )
     except ReportError as error:
         print(f"analyze: {error}", file=sys.stderr)
         return UNUSABLE

@@ -54,18 +54,11 @@ def rides_of(table: Table) -> list[Table]:
         return []
     if len(chains) == 1:
         return [table if len(chains[0].rows) == len(table) else table.take(chains[0].rows)]
-    long = [chain for chain in chains if len(chain.rows) >= SEVERAL]
-    if not long:
-        long = [max(chains, key=lambda chain: (len(chain.rows), chain.rows[0]))]
     rides: list[Chain] = []
-    for chain in long:
-        before = rides[-1] if rides else None
-        if _inserted(chain, long) or any(_repeats(table, chain, ride) for ride in rides):
-            continue
-        if before is not None and chain.rows[0] > before.rows[-1] and 0 < chain.first - before.last < LONGEST_GAP:
-            rides[-1] = _merged(before, chain)
-        else:
+    for chain in _with_gaps(chains):
+        if not (_inserted(chain, chains) or any(_repeats(table, chain, ride) for ride in rides)):
             rides.append(chain)
+    rides = [ride for ride in rides if len(ride.rows) >= SEVERAL] or [max(rides, key=lambda ride: len(ride.rows))]
     loose = np.setdiff1d(np.arange(len(table)), np.concatenate([ride.rows for ride in rides]), assume_unique=True)
     return [table.take(_with_late(table, ride, cycle, loose)) for ride in rides]
 
@@ -142,40 +135,63 @@ def _chains(cycle: Cycles) -> list[Chain]:
         return []
     step = np.diff(cycle)
     to_zero = (cycle[1:] == 0) & (cycle[:-1] > 0)
-    if not ((step < -STEP_BACK) | (step > AHEAD) | to_zero).any():
-        return [Chain(rows, cycle)]
     rising = step[step > 0]
     usual = int(np.median(rising)) if len(rising) else 1
+    reach = max(STEP_BACK, 2 * usual)
+    if not ((step < -STEP_BACK) | (step > reach) | to_zero).any():
+        return [Chain(rows, cycle)]
     cuts = np.flatnonzero((step != 0) & (step != usual)) + 1
     begins, ends = np.concatenate([[0], cuts]), np.concatenate([cuts, [len(cycle)]])
     chains: list[list[tuple[int, int]]] = []
     tops: list[int] = []
+    sizes: list[int] = []
     recent: list[int] = []
     firsts, lasts = cycle[begins].tolist(), cycle[ends - 1].tolist()
     for begin, end, first, last in zip(begins.tolist(), ends.tolist(), firsts, lasts, strict=True):
-        chosen = _fitting(first, usual, tops, recent)
+        chosen = _fitting(first, usual, reach, tops, sizes, recent)
         if chosen is None:
             chosen = len(chains)
             chains.append([])
             tops.append(last)
+            sizes.append(0)
         else:
             recent.remove(chosen)
         chains[chosen].append((begin, end))
         tops[chosen] = max(tops[chosen], last)
+        sizes[chosen] += end - begin
         recent = [*recent[1 - _OPEN :], chosen]
     taken = [np.concatenate([rows[begin:end] for begin, end in runs]) for runs in chains]
     return [Chain(row, cycle[row]) for row in taken]
 
 
-def _fitting(first: int, usual: int, tops: Sequence[int], recent: Sequence[int]) -> int | None:
-    """Choose the chain that a run that begins with this cycle goes on from; None if it goes on from none."""
-    best, least = None, AHEAD + STEP_BACK
+def _fitting(
+    first: int, usual: int, reach: int, tops: Sequence[int], sizes: Sequence[int], recent: Sequence[int]
+) -> int | None:
+    """Choose the chain that a run that begins with this cycle goes on from; None if it goes on from none.
+
+    A chain of several messages may lack a few before one of a single message is believed to be the one that goes on.
+    """
+    best, least = None, reach + STEP_BACK
     for index in reversed(recent):
         ahead = first - tops[index]
-        far = abs(ahead - usual)
-        if -STEP_BACK <= ahead <= AHEAD and (first > 0 or ahead >= 0) and far < least:
+        far = abs(ahead - usual) - (SEVERAL - 2 if sizes[index] >= SEVERAL else 0)
+        if -STEP_BACK <= ahead <= reach and (first > 0 or ahead >= 0) and far < least:
             best, least = index, far
     return best
+
+
+def _with_gaps(chains: Sequence[Chain]) -> list[Chain]:
+    """Join chains that follow each other with a gap between; a few messages that are far ahead are no such chain."""
+    found: list[Chain] = []
+    for chain in chains:
+        before = found[-1] if found else None
+        gap = chain.first - before.last if before is not None else 0
+        believed = 0 < gap <= AHEAD or (0 < gap <= LONGEST_GAP and len(chain.rows) >= SEVERAL)
+        if before is not None and chain.rows[0] > before.rows[-1] and believed:
+            found[-1] = _merged(before, chain)
+        else:
+            found.append(chain)
+    return found
 
 
 def _inserted(chain: Chain, long: Sequence[Chain]) -> bool:
