@@ -13,9 +13,9 @@ from datetime import datetime
 from importlib import import_module
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, TextIO
 
-from energy_monitor.command_line import Parser, seconds
+from energy_monitor.command_line import UNUSABLE, Parser, seconds
 from energy_monitor.topics import RECORDED
 from phil_node.surroundings import leave_if_unusable
 
@@ -32,6 +32,10 @@ LOOK = 0.05
 DRAIN = 2.0
 """s after which the recording ends although messages still come."""
 
+DISK_FULL = 3
+"""Exit code for a disk that is full: there may be no room to write that down."""
+ROOM = "; make room: what was written up to then is kept, and scripts/analyze.sh reads it"
+
 _NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 _TOPIC = re.compile(rf"(~/|/)?{_NAME}(/{_NAME})*")
 _NAMESPACE = re.compile(rf"/?{_NAME}(/{_NAME})*")
@@ -42,7 +46,8 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = Parser(
         prog="scripts/record.sh",
         description="Record a running ride into an MCAP bag.",
-        epilog="Exit code: 0 the bag is whole, 1 writing failed or messages were lost, 2 the command line is wrong.",
+        epilog="Exit code: 0 the bag is whole, 1 writing failed or messages were lost, 2 the command line is wrong, "
+        "3 the disk is full.",
     )
     parser.add_argument("--out", type=Path, help="folder of the bag, must not exist (default: ride_DATE_TIME)")
     parser.add_argument("--all", action="store_true", help="record every topic, also those that appear later")
@@ -64,6 +69,13 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
         type=topic,
         metavar="TOPIC",
         help="topics that --ready-file waits for (default: all)",
+    )
+    parser.add_argument(
+        "--recover",
+        type=Path,
+        metavar="BAG",
+        help="record nothing: write BAG, whose recorder was killed, anew with index and metadata, as mcap and rosbags "
+        "want it (to --out, default: BAG_recovered)",
     )
     return parser.parse_args(argv)
 
@@ -119,6 +131,8 @@ class RideRecorder:
         self._subscriptions: dict[str, Any] = {}
         self.channels: list[Any] = []
         self.refused: dict[str, str] = {}
+        self.undefined: dict[str, str] = {}
+        """Recorded topics whose messages the bag does not explain, and why."""
         self._matched_since: float | None = None
 
     def discover(self) -> None:
@@ -169,6 +183,8 @@ class RideRecorder:
             self.refused[name] = f"type {kind} is not installed ({error})"
             return
         definition = definition_of(kind, str(publishers[0].topic_type_hash))
+        if definition.problem:
+            self.undefined[name] = definition.problem
         channel = Channel(name, kind, definition, [offered(info.qos_profile) for info in publishers])
 
         def lost(status: Any) -> None:
@@ -235,6 +251,7 @@ def summary(recorder: RideRecorder, path: Path, seconds: float) -> str:
     rows += [f"{c.messages:>10} {c.bytes / 1e3:>10.1f} {c.lost:>6}  {c.topic}  [{c.kind}]" for c in channels]
     rows += [f"{'-':>10} {'-':>10} {'-':>6}  {name}  refused: {why}" for name, why in sorted(recorder.refused.items())]
     rows += [f"{0:>10} {'-':>10} {'-':>6}  {name}  never published" for name in recorder.absent]
+    rows += [f"{name} is recorded without its definition: {why}" for name, why in sorted(recorder.undefined.items())]
     total = sum(channel.messages for channel in channels)
     lost = sum(channel.lost for channel in channels)
     rows.append(f"{path}: {total} messages in {seconds:.1f} s, {lost} lost")
@@ -253,6 +270,8 @@ def complaint(channels: Sequence[Any]) -> str | None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Record until the duration is over or SIGINT or SIGTERM comes; 0 if the bag is whole, else 1."""
     options = arguments(without_ros_arguments(sys.argv[1:] if argv is None else argv))
+    if options.recover is not None:
+        return recovered(options.recover, options.out)
     asked: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda got, _frame: asked.append(got))
@@ -263,7 +282,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from rclpy.signals import SignalHandlerOptions
     from rosbags.rosbag2 import WriterError
 
-    from energy_monitor.recorder import BagSink
+    from energy_monitor.recorder import NO_ROOM, BagSink
 
     path = options.out or Path(f"ride_{datetime.now():%Y%m%d_%H%M%S}")
     topics = options.topics or ([] if options.all and options.expect_topics else RECORDED)
@@ -271,8 +290,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         sink = BagSink(path)
     except (WriterError, OSError) as error:
-        print(f"record: {error}", file=sys.stderr)
-        return 1
+        say(f"record: {error}", sys.stderr)
+        return DISK_FULL if getattr(error, "errno", None) in NO_ROOM else 1
     rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node(
         "ride_recorder", namespace=options.namespace, enable_rosout=False, start_parameter_services=False
@@ -285,16 +304,49 @@ def main(argv: Sequence[str] | None = None) -> int:
         duration = monotonic() - began
         node.destroy_node()
         rclpy.try_shutdown()
-        try:
-            sink.close()
-        except OSError as error:
-            print(f"record: {error}", file=sys.stderr)
-            return 1
-    print(summary(recorder, path, duration), flush=True)
+        failure = closed(sink)
+    if failure is not None:
+        full = failure.errno in NO_ROOM
+        say(f"record: {failure.strerror or failure}{ROOM if full else ''}", sys.stderr)
+        return DISK_FULL if full else 1
+    say(summary(recorder, path, duration), sys.stdout)
     if gaps := complaint(recorder.channels):
-        print(f"record: {gaps}", file=sys.stderr)
+        say(f"record: {gaps}", sys.stderr)
         return 1
     return 0
+
+
+def recovered(bag: Path, out: Path | None) -> int:
+    """Write a bag anew; 0 if there is something in it, else 2."""
+    from energy_monitor.bag_channel import BagError
+    from energy_monitor.recover import recover
+
+    try:
+        found = recover(bag, out)
+    except BagError as error:
+        print(f"record: {' '.join(str(error).split())}", file=sys.stderr)
+        return UNUSABLE
+    for note in found.notes:
+        print(note)
+    print(f"{found.path}: {found.messages} messages on {found.topics} topics")
+    return 0
+
+
+def closed(sink: Any) -> OSError | None:
+    """Close the bag; give what went wrong, now or earlier."""
+    try:
+        sink.close()
+    except OSError as error:
+        return error
+    return None
+
+
+def say(text: str, stream: TextIO) -> None:
+    """Print, and go on where there is no room for that either: the exit code tells."""
+    try:
+        print(text, file=stream, flush=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Namespace, asked: list[int]) -> None:

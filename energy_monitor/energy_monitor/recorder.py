@@ -6,9 +6,11 @@ second, so that a recording that is killed is readable up to its last chunk, wit
 
 from __future__ import annotations
 
+import errno
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic, time_ns
@@ -17,7 +19,7 @@ from typing import Any
 
 from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.rosbag2.storage_mcap import McapWriter, Schema, write_schema
 
 from energy_monitor.definitions import Definition
 
@@ -27,8 +29,20 @@ POLL_PERIOD = 0.02
 """s between two looks at the queue; short enough to keep it small, long enough to cost nothing."""
 
 
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the operating system says of a full disk, a quota that is used up, and a limit of the size of files."""
+
+
 class SteadyMcap(McapWriter):
     """MCAP storage whose chunk can be closed before it is full."""
+
+    def add_msgtype(self, connection: Connection) -> None:
+        """Add a type; without a definition it has an empty schema, which readers pass over and an empty text is not."""
+        if connection.msgdef.data:
+            super().add_msgtype(connection)
+            return
+        self.schemas.append(Schema(len(self.schemas) + 1, connection.msgtype, "", ""))
+        write_schema(self.chunk.bio, self.schemas[-1])
 
     def sync(self) -> None:
         """Hand everything that was written to the operating system."""
@@ -108,10 +122,17 @@ class BagSink:
         self._ending.set()
         self._thread.join()
         if self.error is None:
-            self._writer.close()
+            try:
+                self._writer.close()
+            except Exception as error:
+                self.error = error
+        if self.error is None:
             return
-        self._writer.abort()
-        raise OSError(f"{self.path}: {self.error}") from self.error
+        with suppress(OSError):  # closing writes what is still in its buffer
+            self._writer.abort()
+        with suppress(OSError):  # empty or half a file: worse than none
+            self._writer.metapath.with_suffix(".yaml.tmp").unlink(missing_ok=True)
+        raise OSError(getattr(self.error, "errno", None), f"{self.path}: {self.error}") from self.error
 
     def _work(self) -> None:
         flushed = monotonic()
