@@ -62,7 +62,7 @@ class CatenaryNode(PhilNode[Parameters]):
         self.sequence.reset()
         self._bridged = 0
         stamp = self._state.header.stamp
-        stamp.sec = stamp.nanosec = 0
+        stamp.sec, stamp.nanosec = divmod(self.ride_time(), 1_000_000_000)
         if self.active:
             self._publish()
 
@@ -84,12 +84,11 @@ class CatenaryNode(PhilNode[Parameters]):
             return Diagnosis(ERROR, "the wire's state is not finite: reset", values)
         found = []
         if self._bridged:
-            found.append(f"{self._bridged} missing commands bridged with the last force")
+            found.append("missing commands bridged with the last force")
         if self.timing.refused:
-            longest = self.sequence.longest
-            found.append(f"{self.timing.refused} commands refused (force not finite, or over {longest} cycles ahead)")
+            found += self.timing.refusals
         if c.unsettled_steps:
-            found.append(f"the slack state did not settle in {c.unsettled_steps} integration steps")
+            found.append("the slack state did not settle in some integration steps")
         return Diagnosis(WARN, "; ".join(found), values) if found else Diagnosis(OK, "active", values)
 
     def _on_command(self, command: ImpedanceCommand) -> None:
@@ -102,6 +101,7 @@ class CatenaryNode(PhilNode[Parameters]):
                 timing.stale += 1
             elif verdict is not Verdict.REPEATED:
                 timing.refused += 1
+                timing.refuse(f"command {cycle} was refused: {sequence.objection(cycle, force)}")
             return
         sent = command.header.stamp
         now_ns = sent.sec * 1_000_000_000 + sent.nanosec + self._ts_ns
@@ -170,9 +170,11 @@ class CatenaryNode(PhilNode[Parameters]):
         shape.mast_x = array("f", view.mast_x.tobytes())
 
     def _impedance_model(self) -> ImpedanceModel:
-        """Give the reduced model; without a stamp, so that two rides in lockstep are equal to the last bit."""
+        """Give the reduced model; in lockstep without a stamp, so that two rides are equal to the last bit."""
         reduced, config = self.catenary.reduced, self.catenary.config
         message = ImpedanceModel()
+        stamp = message.header.stamp
+        stamp.sec, stamp.nanosec = divmod(self.ride_time(), 1_000_000_000)
         message.header.frame_id = FRAME
         message.description = (
             f"free contact wire, {reduced.x[0]:g} to {reduced.x[-1]:g} m in {reduced.x.size - 1} Hermite elements, "

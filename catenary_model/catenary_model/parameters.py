@@ -24,6 +24,11 @@ def line_of(name_or_path: str) -> Line:
 class Parameters(Group):
     """All parameters of the node; the line's description is read once, when they are checked."""
 
+    mode: str = parameter(
+        "Clock of the ride, as in test_rig_sim: what is sent before cycle 0 is stamped with 0 (lockstep) or with the "
+        "wall clock (realtime)",
+        choices=("lockstep", "realtime"),
+    )
     cycle_time: float = parameter("Cycle time Ts", unit="s", low=1e-4, high=0.02)
     discretisation: str = parameter(
         "What the wires are discretised by: " + "; ".join(f"{name}: {what}" for name, what in DISCRETISATIONS.items()),

@@ -61,6 +61,14 @@ class Sequence:
         self.missing = gap
         return Verdict.TAKEN
 
+    def objection(self, cycle: int, force: float) -> str:
+        """Say in words why a command was not taken."""
+        if self.broken:
+            return self.broken
+        if not math.isfinite(force):
+            return "f_cat is not finite"
+        return f"it is more than {self.longest} cycles ahead of cycle {self.expected}, which has not come"
+
     def taken(self, cycle: int, force: float) -> None:
         """Note that the command has been carried out."""
         self.expected = cycle + 1

@@ -32,6 +32,7 @@ from energy_monitor.report.results import (
     Tracking,
 )
 from energy_monitor.report.verdicts import Limits, judge
+from energy_monitor.report.wall_clock import WallTime, wall_time
 
 Floats = NDArray[np.float64]
 
@@ -97,8 +98,14 @@ def analyse(
     quality = comparison.contact_quality(
         series, bag, ts, settings.loss_threshold, settings.cutoff, settings.order, settings.loss_duration
     )
+    wall = wall_time(bag, aligned.rig)
+    warned, others = nodes.warnings(bag, aligned, ts, wall.jumped)
+    notes += [wall.note] if wall.jumped else []
+    if others:
+        named = ", ".join(others[:5]) + (f" and {len(others) - 5} more" if len(others) > 5 else "")
+        notes.append(f"Others than the ride's nodes warned on /diagnostics, not counted: {named}.")
     return Report(
-        ride=_ride(bag, aligned, ts, speed, series),
+        ride=_ride(bag, aligned, ts, speed, series, wall),
         verdicts=judge(
             limits,
             speed,
@@ -126,7 +133,7 @@ def analyse(
         catenary=nodes.catenary(aligned, series.evaluated),
         timing=nodes.timing(bag),
         modes=nodes.modes(aligned, ts),
-        warnings=nodes.warnings(bag, int(aligned.rig.log_time[0])),
+        warnings=warned,
         notes=notes,
         beliefs=[
             Held(one.name, one.parameter, one.of_rig, one.unit, one.believed, one.has, one.differs)
@@ -354,11 +361,9 @@ def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series
     )
 
 
-def _ride(bag: Bag, aligned: Aligned, ts: float, speed: float, series: Series) -> Ride:
-    log = aligned.rig.log_time
+def _ride(bag: Bag, aligned: Aligned, ts: float, speed: float, series: Series, wall: WallTime) -> Ride:
     simulated = float((aligned.cycle[-1] - aligned.cycle[0] + 1) * ts)
-    wall = float(log[-1] - log[0]) * 1e-9
-    started = datetime.fromtimestamp(float(log[0]) * 1e-9, tz=timezone.utc)
+    started = datetime.fromtimestamp(float(aligned.rig.log_time[0]) * 1e-9, tz=timezone.utc)
     return Ride(
         bag=bag.path.name,
         storage=bag.storage,
@@ -367,8 +372,8 @@ def _ride(bag: Bag, aligned: Aligned, ts: float, speed: float, series: Series) -
         cycles=len(aligned.cycle),
         ts=ts,
         simulated_time=simulated,
-        wall_time=wall,
-        speed_factor=simulated / wall if wall > 0.0 else float("nan"),
+        wall_time=wall.seconds,
+        speed_factor=simulated / wall.seconds if wall.seconds > 0.0 and not wall.jumped else float("nan"),
         speed=speed,
         distance=float(series.track_position[-1] - series.track_position[0]),
         run_in=float(series.cycle[series.evaluated][0]) * ts,

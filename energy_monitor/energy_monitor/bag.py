@@ -112,18 +112,23 @@ class Table:
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One status from /diagnostics: when it was logged (ns), its level (0 to 3), the node, and its message."""
+    """One status from /diagnostics: when it was logged (ns), its level (0 to 3), the node, and its message.
+
+    `hardware` is the status' hardware_id, `stamp` its header's stamp in ns.
+    """
 
     log_time: int
     level: int
     name: str
     message: str
     values: Mapping[str, str]
+    hardware: str = ""
+    stamp: int = 0
 
 
 @dataclass
 class Bag:
-    """A bag in memory: a table a topic, the diagnostics, and how whole the recording is.
+    """A bag in memory: a table a topic, the diagnostics, `speakers` on that topic, and how whole the recording is.
 
     `complete` is false when a file was cut off, damaged or missing. `notes` says what is to be said of it, `left_out`
     how many messages of a topic are not in its table, by reason. `rides_of_files` names the files of each ride where
@@ -139,6 +144,7 @@ class Bag:
     notes: list[str] = field(default_factory=list)
     left_out: dict[tuple[str, str], int] = field(default_factory=dict)
     rides_of_files: list[FileRide] = field(default_factory=list)
+    speakers: set[str] = field(default_factory=set)
 
     def table(self, name: str, msgtype: str) -> Table:
         """Return the table whose topic ends in `name`, or else the only one of this message type.
@@ -203,6 +209,7 @@ def read_bag(
     bag.notes = list(source.notes)
     bag.notes += [left_out(count, topic, why) for (topic, why), count in bag.left_out.items()]
     bag.rides_of_files = rides
+    bag.speakers = reading.speakers
     return bag
 
 
@@ -216,6 +223,7 @@ class _Reading:
         self._parts: dict[tuple[Path, Channel], Part] = {}
         self._stores: dict[Channel, Typestore | None] = {}
         self.diagnostics: list[Diagnostic] = []
+        self.speakers: set[str] = set()
 
     def read(self) -> None:
         """Read every file; one that is no bag is left out where others are."""
@@ -320,7 +328,7 @@ class _Reading:
         if store is None:
             return
         try:
-            self.diagnostics += _statuses(store, log_time, payload)
+            self.diagnostics += _statuses(store, log_time, payload, self.speakers)
         except _UNREADABLE:
             self._source.left_out[channel.topic, "they cannot be read"] += 1
 
@@ -337,14 +345,17 @@ def _typestore(channel: Channel) -> Typestore:
     return store
 
 
-def _statuses(store: Typestore, log_time: int, payload: bytes) -> list[Diagnostic]:
+def _statuses(store: Typestore, log_time: int, payload: bytes, speakers: set[str]) -> list[Diagnostic]:
     """Deserialise a DiagnosticArray; a status of level OK is of no interest to a report."""
     message = store.deserialize_cdr(payload, _DIAGNOSTICS)
     found = []
     statuses: list[SimpleNamespace] = getattr(message, "status", [])
+    stamp = getattr(message, "header").stamp  # noqa: B009 - the type is made at run time
+    at = stamp.sec * 1_000_000_000 + stamp.nanosec
     for status in statuses:
         level = int(status.level[0]) if isinstance(status.level, bytes) else int(status.level)
         values = {entry.key: entry.value for entry in status.values}
+        speakers.add(status.hardware_id)
         if level > 0:
-            found.append(Diagnostic(log_time, level, status.name, status.message, values))
+            found.append(Diagnostic(log_time, level, status.name, status.message, values, status.hardware_id, at))
     return found

@@ -88,7 +88,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         matcher, agreement, books = audit.matcher, audit.agreement, audit.books
         complaints = audit.complaints(now, self.parameters.age_limit)
         if audit.refused:
-            complaints.append(f"{audit.refused} messages refused: NaN, infinity or a cycle number far ahead")
+            complaints.append("messages were refused: NaN, infinity or a cycle number far ahead")
         statistics = audit.quality.statistics
         checks = evaluate(self._standard, statistics, self._speed * 3.6)
         kept = verdict(checks)

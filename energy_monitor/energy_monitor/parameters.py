@@ -48,6 +48,11 @@ class LimitsParameters(Group):
 class Parameters(Group):
     """All parameters of the node energy_monitor."""
 
+    mode: str = parameter(
+        "Clock of the ride, as in test_rig_sim: what is sent before cycle 0 is stamped with 0 (lockstep) or with the "
+        "wall clock (realtime)",
+        choices=("lockstep", "realtime"),
+    )
     cycle_time: float = parameter(
         "Cycle time Ts, the same as of rig, controller and catenary", unit="s", low=1e-4, high=0.1
     )

@@ -13,18 +13,22 @@ from rclpy.wait_for_message import wait_for_message
 from std_srvs.srv import SetBool
 
 from impedance_mpc.controller import FALLBACK, Command, EnvironmentReading, RigReading
-from impedance_mpc.pairing import Arrival, CyclePairs
+from impedance_mpc.pairing import LONGEST, Arrival, CyclePairs
 from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
-from phil_node.guard import finite, finite_array
+from phil_node.guard import finite, finite_array, objection
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED
 
 BOOKS_EVERY = 10
 """Cycles from one message of the conserved quantities to the next."""
 FOLLOWING = frozenset((RigState.MODE_TRACKING, RigState.MODE_BRIDGING, RigState.MODE_HOLDING))
 """Modes of a rig that does as it is told; in all others its force goes to the environment, but not into the books."""
+RIG_NUMBERS = ("w_tr", "v_tr", "f_tr", "reference", "work", "impulse")
+SEGMENT = ("segment_displacement", "segment_velocity", "segment_acceleration", "segment_force")
+WIRE_NUMBERS = ("w_cat", "v_cat", "f_cat", "work", "impulse", *SEGMENT)
+NOT_USED = (Arrival.AHEAD, Arrival.REFUSED)
 CASES = ("off", "active", "capped", "projected", "dead zone", "settled")
 
 
@@ -33,6 +37,7 @@ class ImpedanceNode(PhilNode[Parameters]):
 
     def __init__(self) -> None:
         super().__init__("impedance_mpc", Parameters)
+        self.serve(SetBool, "~/set_correction", self._set_correction)
         self.switch: EnvironmentSwitch
         self.pairs: CyclePairs[RigState, CatenaryState] = CyclePairs()
         self.unusable = 0
@@ -53,7 +58,6 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.commands = self.publish_on(ImpedanceCommand, "impedance_mpc/command", CYCLE_KEPT)
         self.books = self.publish_on(ConservedQuantities, "impedance_mpc/conserved_quantities", CYCLE)
         self.time_cycles(self.parameters.cycle_time)
-        self.serve(SetBool, "~/set_correction", self._set_correction)
         self.listen(CatenaryState, "catenary_model/state", CYCLE, self._take_catenary)
         self.listen(RigState, "test_rig_sim/state", CYCLE, self._take_rig)
 
@@ -92,13 +96,14 @@ class ImpedanceNode(PhilNode[Parameters]):
         }
         new = result.fallbacks - self.fallbacks_reported
         self.fallbacks_reported = result.fallbacks
+        values["fallbacks of the last second"] = str(new)
         found = []
         if new > 0:
-            found.append(f"solver failed in {new} cycles of the last second, old plan used")
+            found.append("solver failed, old plan used")
         if self.timing.missing > 0:
-            found.append(f"{self.timing.missing} cycles never came")
+            found.append("some cycles never came")
         if self.timing.refused > 0:
-            found.append(f"{self.timing.refused} states refused (not finite, of a wrong size, or too far ahead)")
+            found += self.timing.refusals
         return Diagnosis(WARN, "; ".join(found), values) if found else Diagnosis(values=values)
 
     def _receive_model(self) -> Impedance:
@@ -131,10 +136,11 @@ class ImpedanceNode(PhilNode[Parameters]):
     def _take_rig(self, state: RigState) -> None:
         self.timing.begin()
         if not finite(state.w_tr, state.v_tr, state.f_tr, state.reference, state.work, state.impulse):
-            self._refuse()
+            self._refuse("rig", state, RIG_NUMBERS)
             return
         arrival = self.pairs.add_rig(state.cycle, state)
-        self.timing.refused = self.unusable + self.pairs.refused
+        if arrival in NOT_USED or self.unusable + self.pairs.refused != self.timing.refused:
+            self._object("rig", state.cycle, arrival)
         if arrival is Arrival.NEW:
             self._answer_all()
         elif arrival is Arrival.STALE:
@@ -153,19 +159,35 @@ class ImpedanceNode(PhilNode[Parameters]):
             and finite_array(state.segment_force, held)
         )
         if not usable:
-            self._refuse()
+            self._refuse("catenary", state, WIRE_NUMBERS)
             return
         arrival = self.pairs.add_catenary(state.cycle, state)
-        self.timing.refused = self.unusable + self.pairs.refused
+        if arrival in NOT_USED or self.unusable + self.pairs.refused != self.timing.refused:
+            self._object("catenary", state.cycle, arrival)
         if arrival is Arrival.NEW:
             self._answer_all()
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
 
-    def _refuse(self) -> None:
-        """Count a state whose numbers cannot be used; `timing.refused` has these and the strays."""
+    def _refuse(self, sender: str, state: RigState | CatenaryState, names: tuple[str, ...]) -> None:
+        """Count a state whose numbers cannot be used, and say why; `timing.refused` has these and the strays."""
         self.unusable += 1
         self.timing.refused = self.unusable + self.pairs.refused
+        why = objection(state, names, len(self.segment[0]))
+        self.timing.refuse(f"state {state.cycle} of the {sender} was refused: {why}")
+
+    def _object(self, sender: str, cycle: int, arrival: Arrival) -> None:
+        """Say why a state, or one that was kept aside before it, is not used."""
+        self.timing.refused = self.unusable + self.pairs.refused
+        state, expected = f"state {cycle} of the {sender}", self.pairs.next
+        if arrival is Arrival.REFUSED:
+            self.timing.refuse(f"{state} was refused: more than {LONGEST} cycles ahead of {expected}, which comes next")
+        elif arrival is Arrival.AHEAD:
+            missing = self.pairs.expected(sender)
+            begins = ", with which a ride begins," if missing == 0 else ""
+            self.timing.refuse(f"{state} cannot be used: state {missing}{begins} has not come")
+        else:
+            self.timing.refuse(f"strays were dropped when {state} came")
 
     def _answer_all(self) -> None:
         while (pair := self.pairs.take()) is not None:

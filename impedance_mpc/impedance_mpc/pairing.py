@@ -26,7 +26,7 @@ class Arrival(Enum):
 
 
 class Stream(Generic[S]):
-    """States of one sender, in order; ``refused`` counts strays.
+    """States of one sender, in order; ``refused`` counts strays, ``front`` is the cycle after the newest one taken.
 
     A sender sends its cycles without a gap. A state that is ahead of the next one is a stray, unless the very next
     message is its successor: then the stream has gone on there and what lies between is lost. Should a nearer one come
@@ -36,13 +36,13 @@ class Stream(Generic[S]):
     def __init__(self) -> None:
         self.states: dict[int, S] = {}
         self.refused = 0
-        self._front = 0
+        self.front = 0
         self._ahead: tuple[int, S] | None = None
 
     def clear(self) -> None:
         """Expect cycle 0."""
         self.states.clear()
-        self.refused = self._front = 0
+        self.refused = self.front = 0
         self._ahead = None
 
     def add(self, cycle: int, state: S, expected: int) -> Arrival:
@@ -51,7 +51,7 @@ class Stream(Generic[S]):
             self.refused += 1
             return Arrival.REFUSED
         ahead, self._ahead = self._ahead, None
-        front = max(self._front, expected)
+        front = max(self.front, expected)
         follows = ahead is not None and front < cycle == ahead[0] + 1
         if ahead is not None and follows:
             self.states[ahead[0]] = ahead[1]
@@ -69,7 +69,7 @@ class Stream(Generic[S]):
             self.refused += len(farther)
             front = cycle
         self.states[cycle] = state
-        self._front = max(front, cycle + 1)
+        self.front = max(front, cycle + 1)
         return Arrival.NEW
 
     def drop_until(self, cycle: int) -> None:
@@ -96,6 +96,10 @@ class CyclePairs(Generic[R, C]):
     def refused(self) -> int:
         """States that were too far ahead, or ahead of a stream that did not go on there."""
         return self._rig.refused + self._catenary.refused
+
+    def expected(self, sender: str) -> int:
+        """Give the cycle that would continue the states of ``sender``, rig or catenary."""
+        return max(self.next, (self._rig if sender == "rig" else self._catenary).front)
 
     def clear(self) -> None:
         """Wait for cycle 0 again."""

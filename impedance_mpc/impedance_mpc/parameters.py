@@ -53,6 +53,11 @@ class Forecast(Group):
 class Parameters(Group):
     """All parameters of the node."""
 
+    mode: str = parameter(
+        "Clock of the ride, as in test_rig_sim: what is sent before cycle 0 is stamped with 0 (lockstep) or with the "
+        "wall clock (realtime)",
+        choices=("lockstep", "realtime"),
+    )
     cycle_time: float = parameter("Cycle time Ts; has to be the step of the catenary", unit="s", low=1e-4, high=0.1)
     prediction_horizon: int = parameter("Predicted cycles Np", unit="1", low=2, high=200)
     control_horizon: int = parameter("Free moves Nc; later moves are held", unit="1", low=2, high=200)

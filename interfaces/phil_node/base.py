@@ -7,13 +7,14 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from time import monotonic
+from time import monotonic, time_ns
 from typing import Any, Generic, NoReturn, TypeVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from phil_interfaces.msg import CycleTiming
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -38,6 +39,8 @@ HAND_OVER = 1.0
 """Time in s that listeners have to take the last messages when a node is deactivated."""
 QUIET = 1.0
 """Time in s without a cycle after which a ride counts as over."""
+LOCKSTEP = "lockstep"
+"""Value of the parameter ``mode`` of a ride that waits for its cycles; any other runs by the wall clock."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -46,7 +49,11 @@ __all__ = ["ERROR", "OK", "WARN", "Diagnosis", "PhilNode", "finite", "run"]
 
 @dataclass
 class Diagnosis:
-    """What a node says of itself on /diagnostics: level OK, WARN or ERROR, a sentence, and figures."""
+    """What a node says of itself on /diagnostics: level OK, WARN or ERROR, a sentence, and figures.
+
+    The sentence is for people and does not change as long as nothing new happens: counts are figures. What a program
+    has to know is a figure too.
+    """
 
     level: bytes = OK
     message: str = "active"
@@ -81,8 +88,12 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._status = DiagnosticStatus(name=f"{name}: cycle", hardware_id=name)
-        self._timer = self.create_timer(1.0, self._publish_diagnosis)
+        # Two rigs in namespaces share the topic: the whole name tells whose status this is.
+        self._status = DiagnosticStatus(name=f"{self.full_name}: cycle", hardware_id=self.full_name)
+        # No timer of ours on the ROS clock: under use_sim_time it stands still until somebody publishes /clock.
+        self.steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._clock_missed = False
+        self._timer = self.create_timer(1.0, self._publish_diagnosis, clock=self.steady)
         self._reset_service = self.create_service(Trigger, "~/reset", self._serve_reset)
 
     # What a node overrides -------------------------------------------------------------------------------------
@@ -110,7 +121,35 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         """Say how the node is, once a second."""
         return Diagnosis()
 
+    def stuck(self) -> bool:
+        """Tell whether the node cannot go on by itself: what it waits for comes, but cannot be used."""
+        return self.timing.stuck
+
+    def newest(self) -> tuple[int, float]:
+        """Give the stamp of the newest cycle in ns, and how long ago that was in s; (0, ...) before the first."""
+        return self.timing.stamp, self.timing.idle
+
     # What a node uses ------------------------------------------------------------------------------------------
+
+    @property
+    def full_name(self) -> str:
+        """Give the node's name with its namespace."""
+        return str(self.get_fully_qualified_name())
+
+    def wall_clock(self) -> int:
+        """Give the wall time in ns: that of /clock under use_sim_time, but the system's if nobody publishes it."""
+        return int(self.get_clock().now().nanoseconds) or time_ns()
+
+    def ride_time(self) -> int:
+        """Give the time of the ride in ns, the stamp of what belongs to no cycle.
+
+        In lockstep it goes on with the cycles, t_k = k Ts, and stands at 0 before them. In real time it is the wall
+        clock up to cycle 0 and runs on from the newest stamp, whatever becomes of the wall clock.
+        """
+        stamp, ago = self.newest()
+        if getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP:
+            return stamp
+        return stamp + round(ago * 1e9) if stamp else self.wall_clock()
 
     def publish_on(self, kind: Any, name: str, qos: QoSProfile = CYCLE) -> Any:
         """Create a publisher that is silent unless the node is active."""
@@ -142,15 +181,29 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             if self.active:
                 callback()
 
-        timer = self.create_timer(period, when_active)
+        timer = self.create_timer(period, when_active, clock=self.steady)
         self._owned.append((self.destroy_timer, timer))
         return timer
 
     def serve(self, kind: Any, name: str, callback: Callable[[Any, Any], Any]) -> Any:
-        """Create a service that lives as long as the node is configured."""
-        service = self.create_service(kind, name, callback)
-        self._owned.append((self.destroy_service, service))
-        return service
+        """Create a service for the life of the node (call it in ``__init__``); unless configured it refuses.
+
+        A service that went with the design would take with it the requests that wait, and the node, which would answer
+        through a handle that is gone. ``kind`` has an answer of ``success`` and ``message``.
+        """
+
+        def answer(request: Any, response: Any) -> Any:
+            if not self.configured:
+                response.success, response.message = False, f"{self.get_name()} is not configured"
+                return response
+            try:
+                return callback(request, response)
+            except Exception as error:
+                self.get_logger().error(f"{name}: {error}")
+                response.success, response.message = False, str(error) or type(error).__name__
+                return response
+
+        return self.create_service(kind, name, answer)
 
     def time_cycles(self, budget: float, count_overruns: bool = True) -> None:
         """Create ~/timing and send the batches of ``self.timing`` there; ``budget`` is the cycle time in s."""
@@ -228,6 +281,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         return TransitionCallbackReturn.SUCCESS
 
     def _build(self) -> None:
+        self.timing.clear()
         try:
             self.build()
         except Exception:
@@ -307,16 +361,30 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self.changed(names)
 
     def _publish_diagnosis(self) -> None:
-        found = (
-            self.diagnose() if self.active else Diagnosis(message="configured" if self.configured else "unconfigured")
-        )
+        active = self.active
+        found = self.diagnose() if active else Diagnosis(message="configured" if self.configured else "unconfigured")
+        if active and self.stuck() and found.level != ERROR:
+            found.level, found.message = ERROR, f"cannot go on: {'; '.join(self.timing.refusals)}"
         status = self._status
         status.level, status.message = found.level, found.message
-        figures = {**self.timing.summary(), **found.values}
+        own = {"process": str(os.getpid())}
+        if self._misses_clock():
+            own["clock"] = "the system's: use_sim_time is set, but nothing came on /clock"
+        figures = {**own, **self.timing.summary(), **found.values}
         status.values = [KeyValue(key=key, value=value) for key, value in figures.items()]
         message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
+        stamp = message.header.stamp
+        stamp.sec, stamp.nanosec = divmod(self.ride_time(), 1_000_000_000)
         self._diagnostics.publish(message)
+
+    def _misses_clock(self) -> bool:
+        """Tell whether use_sim_time is set without a /clock, and say it once in the log."""
+        clock = self.get_clock()
+        missing = bool(clock.ros_time_is_active) and clock.now().nanoseconds == 0
+        if missing and not self._clock_missed and self.active:
+            self._clock_missed = True
+            self.get_logger().warning("use_sim_time is set, but nothing came on /clock: going on by the system's clock")
+        return missing
 
 
 def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int:

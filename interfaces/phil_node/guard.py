@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,3 +22,21 @@ def finite_array(values: Sequence[float], out: NDArray[np.float64]) -> bool:
     out[:] = values
     # A sum is finite only if every term is, unless finite terms overflow: such a state is to be refused as well.
     return isfinite(float(out.sum()))
+
+
+def objection(message: Any, names: Sequence[str], sizes: int | None = None) -> str:
+    """Say in words which of a message's fields cannot be used; an array has to have ``sizes`` entries, if given."""
+    unusable, found = [], []
+    for name in names:
+        value = getattr(message, name)
+        if isinstance(value, (int, float)):
+            if not isfinite(value):
+                unusable.append(name)
+        elif sizes is not None and len(value) != sizes:
+            found.append(f"{name} has {len(value)} entries, not {sizes}")
+        elif not np.isfinite(value).all():
+            unusable.append(name)
+    if unusable:
+        found.append(f"{', '.join(unusable)} {'is' if len(unusable) == 1 else 'are'} not finite")
+    # Finite, all of them, but too large to be added up.
+    return "; ".join(found) or f"{', '.join(names)} are out of all proportion"

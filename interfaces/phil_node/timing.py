@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import array
+import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import inf
 from time import perf_counter_ns
 from typing import Any
@@ -14,6 +16,22 @@ BATCH = 50
 """Cycles in one CycleTiming message: ten messages a second at 500 Hz."""
 RECENT = 5000
 """Cycles that the statistics of /diagnostics look back."""
+REASON = "reason: "
+"""Beginning of the keys on /diagnostics that say why messages were refused; their values say how many."""
+KINDS = 16
+"""Kinds of refusals that are told apart; what is refused for yet another reason counts as "other reasons"."""
+NUMBER = re.compile(r"-?\b\d+(\.\d+)?(e[-+]?\d+)?\b")
+STUCK = 2.0
+"""Time in s without a cycle, while what comes is refused, after which a node cannot go on by itself: longer than any
+sender waits before it sends again."""
+
+
+@dataclass
+class Refusal:
+    """One kind of refused messages: what was said of the first one, and how many there were."""
+
+    text: str
+    count: int = 0
 
 
 class Timing:
@@ -36,11 +54,38 @@ class Timing:
         self._ended = 0
         self._header: Any = None
         self._cycle = 0
+        self._refusals: dict[str, Refusal] = {}
+        self._refused_since = 0
+        self._refused_at = 0
 
     @property
     def idle(self) -> float:
         """Give the time in s since the last cycle; infinite before the first."""
         return (perf_counter_ns() - self._ended) * 1e-9 if self._total else inf
+
+    @property
+    def stamp(self) -> int:
+        """Give the stamp t_k of the last cycle in ns; 0 before the first."""
+        if not self._total or self._header is None:
+            return 0
+        return int(self._header.stamp.sec * 1_000_000_000 + self._header.stamp.nanosec)
+
+    @property
+    def stuck(self) -> bool:
+        """Tell whether no cycle was done for `STUCK` s because of what was refused.
+
+        Before the first cycle it takes refusals that go on for so long: one stray message does not stop a ride that
+        has not begun.
+        """
+        if not self._refused_at or self._done_since_refusal():
+            return False
+        now = perf_counter_ns() if self._total else self._refused_at
+        return now - self._refused_since > STUCK * 1e9
+
+    @property
+    def refusals(self) -> list[str]:
+        """Give what was said of the first refused message of each kind."""
+        return [refusal.text for refusal in self._refusals.values()]
 
     def connect(self, message: Any, send: Callable[[Any], None], budget: float, count_overruns: bool = True) -> None:
         """Send batches as ``message`` (a CycleTiming, reused) through ``send``; ``budget`` is the cycle time in s.
@@ -54,6 +99,24 @@ class Timing:
         """Forget all that was measured and counted."""
         self.late = self.missing = self.stale = self.refused = 0
         self._filled = self._total = 0
+        self._refusals.clear()
+        self._refused_since = self._refused_at = 0
+
+    def refuse(self, text: str) -> None:
+        """Remember why a message was refused; texts that differ in their numbers only are of one kind.
+
+        The owner counts ``refused`` itself.
+        """
+        now, kind = perf_counter_ns(), NUMBER.sub("#", text)
+        if not self._refused_at or self._done_since_refusal():
+            self._refused_since = now
+        self._refused_at = now
+        if kind not in self._refusals and len(self._refusals) >= KINDS:
+            kind, text = "other", "messages were refused for other reasons"
+        self._refusals.setdefault(kind, Refusal(text)).count += 1
+
+    def _done_since_refusal(self) -> bool:
+        return self._total > 0 and self._ended > self._refused_since
 
     def begin(self) -> None:
         """Start the stopwatch of a cycle."""
@@ -105,10 +168,14 @@ class Timing:
                 "turnaround p99 ms": f"{p99 * 1e3:.3f}",
                 "turnaround max ms": f"{float(recent.max()) * 1e3:.3f}",
             }
-        return figures | {
-            "cycles": str(self._total),
-            "late": str(self.late),
-            "missing": str(self.missing),
-            "stale": str(self.stale),
-            "refused": str(self.refused),
-        }
+        return (
+            figures
+            | {
+                "cycles": str(self._total),
+                "late": str(self.late),
+                "missing": str(self.missing),
+                "stale": str(self.stale),
+                "refused": str(self.refused),
+            }
+            | {f"{REASON}{refusal.text}": str(refusal.count) for refusal in self._refusals.values()}
+        )

@@ -13,6 +13,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 
+from energy_monitor.topics import RECORDED
 from phil_node.executor import events_executor
 from phil_node.scheduling import go_first
 from ride.lifecycle import ACTIVATE, CONFIGURE, DEACTIVATE, Managed, RideError
@@ -122,7 +123,10 @@ class Ride:
     def _ride(self) -> None:
         self._managed = {name: Managed(self._node, name, self._spin) for name in NODES}
         rig = self._settings["test_rig_sim"]
-        self.watch = Watch(self._node, rig["cycle_time"])
+        duration = rig["duration"]
+        last = max(1, round(duration / rig["cycle_time"])) - 1 if duration and not rig["land_at_end"] else None
+        processes = {name: process.pid for name, process in self._nodes.items()}
+        self.watch = Watch(self._node, rig["cycle_time"], processes, last)
         for managed in self._managed.values():
             managed.wait(START_SECONDS)
         self._refuse_neighbours(1)
@@ -133,19 +137,18 @@ class Ride:
         self._go_first()
         for managed in self._managed.values():
             managed.go(ACTIVATE, START_SECONDS)
-        duration = rig["duration"]
-        last = max(1, round(duration / rig["cycle_time"])) - 1 if duration and not rig["land_at_end"] else None
         watch = self.watch
         watch.moved = time.monotonic()
         with Display(self._console, duration) as display:
-            while not (watch.through(last) or watch.landed):
+            while not (watch.through() or watch.landed):
                 self._spin()
                 display.show(watch)
                 self._raise_errors()
                 if time.monotonic() - watch.moved > STALL_SECONDS:
                     if watch.cycle == last:
                         break  # all cycles were ridden; what the monitor still lacks, the report will say
-                    raise RideError(f"no cycle for {STALL_SECONDS:g} s, the last one was {watch.cycle}")
+                    text = f"no cycle for {STALL_SECONDS:g} s, the last one was {watch.cycle}"
+                    raise RideError(f"{text}: {watch.reasons}" if watch.reasons else text)
             display.show(watch)
         self.seconds = watch.moved - (watch.started or watch.moved)
 
@@ -161,12 +164,11 @@ class Ride:
         assert self.watch is not None
         if not self.watch.errors:
             return
-        name, text = next(iter(self.watch.errors.items()))
+        name = next(iter(self.watch.errors))
         deadline = time.monotonic() + RETRACT_SECONDS
-        while name == "test_rig_sim" and text.startswith("retracting") and time.monotonic() < deadline:
+        while self.watch.retracts(name) and time.monotonic() < deadline:
             self._spin()
-            text = self.watch.errors[name]
-        raise RideError(f"{name}: {text}")
+        raise RideError(f"{name}: {self.watch.errors[name]}")
 
     def _busy(self, text: str) -> contextlib.AbstractContextManager[object]:
         return self._console.status(text) if self._console.is_terminal else contextlib.nullcontext()
@@ -176,11 +178,19 @@ class Ride:
         deadline = time.monotonic() + DISCOVERY_SECONDS
         while time.monotonic() < deadline and not own:
             self._spin()
-        names = self._node.get_node_names()
+        # A rig of another namespace is no neighbour.
+        here = self._node.get_namespace()
+        names = [name for name, namespace in self._node.get_node_names_and_namespaces() if namespace == here]
         for name in NODES:
             if names.count(name) > own or self._node.count_services(f"/{name}/change_state") > own:
                 domain = os.environ.get("ROS_DOMAIN_ID", "0")
                 raise RideError(f"another {name} already runs on ROS domain {domain}: end it, or set ROS_DOMAIN_ID")
+        if own:
+            return
+        for topic in (topic for topic in RECORDED if not topic.startswith("/")):
+            if publishers := self._node.get_publishers_info_by_topic(topic):
+                who = publishers[0].node_name
+                raise RideError(f"{who} already publishes on {topic}: end it, or set ROS_DOMAIN_ID")
 
     def _wait_for_recorder(self) -> None:
         deadline = time.monotonic() + START_SECONDS

@@ -33,8 +33,15 @@ Settings = dict[str, dict[str, Any]]
 NODES = ("catenary_model", "impedance_mpc", "energy_monitor", "test_rig_sim")
 """The nodes, in the order in which they are brought up."""
 
-FOLLOWS = {"test_rig_sim": {"speed_kmh": "catenary_model"}}
+FOLLOWS = {
+    "test_rig_sim": {"speed_kmh": "catenary_model"},
+    **{name: {"mode": "test_rig_sim"} for name in NODES if name != "test_rig_sim"},
+}
 """Parameters that a node takes over from another node, wherever that one is given a value and it is not."""
+
+
+CLOCKS = ("lockstep", "realtime")
+"""Values of `mode`, which the other nodes take over from the rig before the rig itself is checked."""
 
 
 def rig_names() -> list[str]:
@@ -85,8 +92,9 @@ def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]], rig
         for level, layer in enumerate(layers[name]):
             for key, leader in FOLLOWS.get(name, {}).items():
                 # What is wrong in the other node is said once.
-                if key in layers[leader][level] and leader in groups:
-                    values[key] = layers[leader][level][key]
+                theirs = layers[leader][level].get(key)
+                if theirs is not None and (leader in groups or theirs in CLOCKS):
+                    values[key] = theirs
             values |= layer
         try:
             groups[name] = build(models[name], values, name)

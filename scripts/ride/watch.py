@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -12,21 +14,49 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from phil_node.qos import CYCLE
+from phil_node.timing import REASON
 
-RIG, LANDED = "test_rig_sim", "stopped: landed"
-"""Node and beginning of its message after a soft landing, with which a ride ends before or after its duration."""
+RIG = "test_rig_sim"
+RESTING = {"mode": "stopped", "outcome": "landed"}
+"""What the rig's status says after a soft landing, with which a ride ends before or after its duration."""
+
+
+@dataclass
+class Said:
+    """What a node of the ride said last on /diagnostics."""
+
+    level: bytes
+    message: str
+    values: dict[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """Give its sentence, with the number of times behind what happened more than once."""
+        text = self.message
+        for key, value in self.values.items():
+            reason = key.removeprefix(REASON)
+            if reason != key and value.isdigit() and int(value) > 1:
+                text = text.replace(reason, f"{reason} ({value} times)")
+        return text
 
 
 class Watch:
-    """Latest figures of the running ride; ``started`` and ``moved`` are on the monotonic clock in s."""
+    """Latest figures of the running ride; ``started`` and ``moved`` are on the monotonic clock in s.
 
-    def __init__(self, node: Node, cycle_time: float) -> None:
+    /diagnostics belongs to everybody: a status is of this ride only if it carries the name of one of its nodes and the
+    number of the process that was started as that node.
+    """
+
+    def __init__(self, node: Node, cycle_time: float, processes: Mapping[str, int], last: int | None = None) -> None:
+        """Watch the nodes that run as ``processes`` (name and process id), up to cycle ``last``, None: endless."""
+        namespace = node.get_namespace().rstrip("/")
+        self._ours = {f"{namespace}/{name}": (name, str(number)) for name, number in processes.items()}
+        self._last = last
+        self.said: dict[str, Said] = {}
         self.quality: Any = None
         self.books: Any = None
         self.rig_timing: Any = None
         self.errors: dict[str, str] = {}
         self.warnings: dict[str, str] = {}
-        self.landed = False
         self.cycle = -1
         self.moved = time.monotonic()
         self.started: float | None = None
@@ -41,11 +71,35 @@ class Watch:
         """Give the simulated time in s that the ride has come to."""
         return (self.cycle + 1) * self._cycle_time
 
-    def through(self, last: int | None) -> bool:
-        """Tell whether cycle ``last`` was ridden, answered and booked by the monitor; never for an endless ride."""
+    @property
+    def landed(self) -> bool:
+        """Tell whether the rig rests after a soft landing."""
+        values = self.said[RIG].values if RIG in self.said else {}
+        return all(values.get(key) == value for key, value in RESTING.items())
+
+    def retracts(self, name: str) -> bool:
+        """Tell whether that node is a rig that is on its way to its safe position."""
+        return name in self.said and self.said[name].values.get("mode") == "retracting"
+
+    @property
+    def reasons(self) -> str:
+        """Give what the nodes know about why nothing goes on; empty if they know nothing."""
+        found = [f"{name}: {said}" for name, said in self.said.items() if said.level != DiagnosticStatus.OK]
+        rig = self.said.get(RIG)
+        if rig is not None and rig.values.get("phase") == "waiting for listeners":
+            found.append(f"{RIG} is waiting for listeners ({rig.values.get('listeners', 'none known')})")
+        return "; ".join(found)
+
+    def through(self) -> bool:
+        """Tell whether the last cycle was ridden, answered and booked by the monitor; never for an endless ride."""
+        last = self._last
         if last is None or self.rig_timing is None or self.books is None:
             return False
         return bool(self.rig_timing.cycle >= last and self.books.cycle >= last)
+
+    def _believes(self, cycle: int) -> bool:
+        """Tell whether a message can be of this ride."""
+        return self._last is None or cycle <= self._last
 
     def _move_to(self, cycle: int) -> None:
         if cycle > self.cycle:
@@ -55,24 +109,33 @@ class Watch:
                 self.started = self.moved
 
     def _take_quality(self, message: Any) -> None:
-        self.quality = message
-        self._move_to(message.cycle)
+        if self._believes(message.cycle):
+            self.quality = message
+            self._move_to(message.cycle)
 
     def _take_books(self, message: Any) -> None:
-        self.books = message
-        self._move_to(message.cycle)
+        if self._believes(message.cycle):
+            self.books = message
+            self._move_to(message.cycle)
 
     def _take_timing(self, message: Any) -> None:
-        self.rig_timing = message
-        self._move_to(message.cycle)
+        if self._believes(message.cycle):
+            self.rig_timing = message
+            self._move_to(message.cycle)
 
     def _take_diagnostics(self, message: Any) -> None:
         for status in message.status:
-            self.landed = self.landed or (status.hardware_id == RIG and status.message.startswith(LANDED))
+            name, process = self._ours.get(status.hardware_id, ("", ""))
+            if not name:
+                continue
+            said = Said(status.level, status.message, {entry.key: entry.value for entry in status.values})
+            if said.values.get("process") != process:
+                continue  # somebody else's node of that name, or one of an earlier ride
+            self.said[name] = said
             if status.level == DiagnosticStatus.ERROR:
-                self.errors[status.hardware_id] = status.message
+                self.errors[name] = str(said)
             elif status.level == DiagnosticStatus.WARN:
-                self.warnings[status.hardware_id] = status.message
+                self.warnings[name] = str(said)
 
 
 class Display:

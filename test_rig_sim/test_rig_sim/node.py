@@ -6,7 +6,6 @@ import time
 
 from geometry_msgs.msg import WrenchStamped
 from phil_interfaces.msg import ImpedanceCommand, RigState
-from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -39,6 +38,8 @@ class RigNode(PhilNode[Parameters]):
     def __init__(self) -> None:
         super().__init__("test_rig_sim", Parameters)
         self._tripped = ""  # why an earlier ride ended in a retract; only a reset forgives it
+        self.serve(Trigger, "test_rig_sim/emergency_stop", self._serve_emergency_stop)
+        self.serve(Trigger, "test_rig_sim/land", self._serve_land)
 
     # Lifecycle -------------------------------------------------------------------------------------------------
 
@@ -62,11 +63,8 @@ class RigNode(PhilNode[Parameters]):
         self._wrench_out = self.publish_on(WrenchStamped, "test_rig_sim/contact_force", VIEW)
         self.time_cycles(p.cycle_time, count_overruns=False)
         self.listen(ImpedanceCommand, "impedance_mpc/command", CYCLE, self._take_command)
-        self.serve(Trigger, "test_rig_sim/emergency_stop", self._serve_emergency_stop)
-        self.serve(Trigger, "test_rig_sim/land", self._serve_land)
         self.every(0.02, self._look_around)
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._tick = self.create_timer(p.cycle_time, self._on_tick, clock=self._steady, autostart=False)
+        self._tick = self.create_timer(p.cycle_time, self._on_tick, clock=self.steady, autostart=False)
         self._restart()
 
     def start(self) -> None:
@@ -115,6 +113,7 @@ class RigNode(PhilNode[Parameters]):
         self._late_ticks = 0
         self._newest = -1
         self._published_at = [0.0] * MEMORY
+        self._stamped = 0  # ns, wall time of the newest state in real time
         self._asked_at = 0.0
         self._listeners = (0, 0)  # matched, known to the graph
         self._listeners_since = time.monotonic()
@@ -135,7 +134,10 @@ class RigNode(PhilNode[Parameters]):
         turnaround = time.monotonic() - self._published_at[cycle % MEMORY]
         self.timing.add(turnaround, message.header, cycle)
         admissible = self._supervisor.admissible(message.u_tr, message.u_tr_next)
-        self.timing.refused += not admissible
+        if not admissible:
+            self.timing.refused += 1
+            why = self._supervisor.objection(message.u_tr, message.u_tr_next)
+            self.timing.refuse(f"command {cycle} was refused: {why}")
         if cycle < self._cycle:
             # Too late for its own cycle, but its prediction is the newest there is.
             if admissible:
@@ -205,7 +207,8 @@ class RigNode(PhilNode[Parameters]):
         """Lockstep: k Ts, the same in every run. Realtime: wall clock, k Ts after its start."""
         now = round(cycle * self._period * 1e9)
         if self.parameters.mode == "realtime":
-            now = self.get_clock().now().nanoseconds if cycle == 0 else self._pacing.stamp(cycle)
+            now = self.wall_clock() if cycle == 0 else self._pacing.stamp(cycle)
+            self._stamped = now
         stamp = self._message.header.stamp
         stamp.sec, stamp.nanosec = divmod(now, 1_000_000_000)
 
@@ -232,7 +235,11 @@ class RigNode(PhilNode[Parameters]):
 
     def _start_ticking(self) -> None:
         """Start the wall clock at the present cycle: its interval ends one period from now."""
-        self._pacing.start(self._cycle, time.monotonic(), self.get_clock().now().nanoseconds)
+        now, wall = time.monotonic(), self._stamped
+        # Both clocks were read when the state was published; the wall clock may have been set since.
+        if wall:
+            wall += round((now - self._published_at[self._cycle % MEMORY]) * 1e9)
+        self._pacing.start(self._cycle, now, wall or self.wall_clock())
         self._phase = TICKING
         self._tick.reset()
 
@@ -331,24 +338,49 @@ class RigNode(PhilNode[Parameters]):
         )
         return response
 
+    def _outcome(self) -> str:
+        """Give how the ride ended: landed, retracted or through; empty as long as it goes on."""
+        supervisor = self._supervisor
+        if supervisor.mode is not Mode.STOPPED:
+            return ""
+        return "retracted" if supervisor.reason else "landed" if supervisor.landed else "through"
+
+    def newest(self) -> tuple[int, float]:
+        """Give the stamp of the newest state in ns, and how long ago it was published in s."""
+        if not self.configured or not self._asked_at:
+            return 0, 0.0
+        stamp = self._message.header.stamp
+        return stamp.sec * 1_000_000_000 + stamp.nanosec, time.monotonic() - self._published_at[self._cycle % MEMORY]
+
+    def stuck(self) -> bool:
+        """Never: a rig whose commands are refused retracts by itself."""
+        return False
+
     def diagnose(self) -> Diagnosis:
         """Say the mode, the reason of a retract, and the counters of the cycle."""
         supervisor = self._supervisor
         mode = supervisor.mode.name.lower()
         found = Diagnosis(message=f"{mode}, {self._phase}")
+        happened = [
+            *(["commands late"] if self.timing.late else []),
+            *(self.timing.refusals if self.timing.refused else []),
+            *(["commands cut to the soft limits"] if supervisor.limited else []),
+            *(["ticks skipped"] if self._pacing.skipped else []),
+        ]
         if supervisor.reason:
             found.level, found.message = ERROR, f"{mode}: {supervisor.reason}"
         elif supervisor.landed:
             found.message = "stopped: landed"
-        elif self.timing.late or self.timing.refused or self._pacing.skipped or supervisor.limited:
+        elif happened:
             found.level = WARN
-            counts = f"{self.timing.late} commands late, {self.timing.refused} refused, {supervisor.limited} cut"
-            found.message = f"{found.message}: {counts}, {self._pacing.skipped} ticks skipped"
+            found.message = f"{found.message}: {'; '.join(happened)}"
         if warning := supervisor.guard.warning():
             found.level = max(found.level, WARN)
             found.message = f"{found.message}; {warning}"
         found.values = {
             "mode": mode,
+            "phase": self._phase,
+            "outcome": self._outcome(),
             "operating mode": self.parameters.operating_mode,
             "in contact": "yes" if supervisor.touching else "no",
             "reason": supervisor.reason,

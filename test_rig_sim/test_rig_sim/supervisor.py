@@ -99,6 +99,7 @@ class Supervisor:
         self.limited = 0
         self.landed = False
         self._refused_in_a_row = 0
+        self._objections: dict[str, tuple[str, int]] = {}
         self._reference = reference
         self._speed = 0.0
         self._prediction: float | None = None
@@ -175,11 +176,34 @@ class Supervisor:
         # While the drive goes its own way the controller knows where it is: its command has to start there, too.
         return max(abs(u_tr_next - u_tr), abs(u_tr - self._reference)) <= limits.reference_step
 
+    def objection(self, u_tr: float, u_tr_next: float) -> str:
+        """Say in words why a command (m) is not `admissible`; what was said is part of a retract's reason."""
+        limits = self._rules.limits
+        if not (math.isfinite(u_tr) and math.isfinite(u_tr_next)):
+            kind, text = "number", "the command is not a finite number"
+        elif (largest := max(abs(u_tr), abs(u_tr_next))) > limits.trip_position:
+            kind, most = "position", limits.trip_position
+            text = f"the command asks for a position of {largest * 1e3:.4g} mm, at most {most * 1e3:g} mm trips"
+            text += _unit(largest, most)
+        else:
+            step, start = abs(u_tr_next - u_tr), abs(u_tr - self._reference)
+            kind, leap, most = "leap", max(step, start), limits.reference_step
+            where = "within a cycle" if step >= start else "away from where the drive is"
+            text = (
+                f"the command leaps by {leap * 1e3:.4g} mm {where}, at most {most * 1e3:g} mm (limits.reference_step)"
+            )
+            text += _unit(leap, most)
+        said, count = self._objections.get(kind, (text, 0))
+        self._objections[kind] = (said, count + 1)
+        return text
+
     def follow(self, u_tr: float, u_tr_next: float) -> Ramp:
         """Return the reference of a cycle whose command (m) came in time."""
         if not self.needs_commands:
             return self._go_on()
         self.unusable_in_a_row = self._refused_in_a_row = 0
+        if self._objections:
+            self._objections.clear()
         if self.mode not in FOLLOWING:
             if not self.touching:
                 if self.mode is Mode.HOLD:
@@ -209,6 +233,8 @@ class Supervisor:
         count, refusals = self.unusable_in_a_row, self._refused_in_a_row
         if count >= self._rules.late_limit:
             counts = f"{count - refusals} late, {refusals} refused"
+            if refusals and self._objections:
+                counts += ": " + "; ".join(f"{text}, {times} times" for text, times in self._objections.values())
             self.retract(f"{count} successive cycles without a usable command ({counts})")
             return self._go_on()
         if self.mode not in FOLLOWING:
@@ -337,3 +363,8 @@ class Supervisor:
             return reference + speed * self._period, speed
         position = float(samples[self._sample])
         return position, (position - reference) / self._period
+
+
+def _unit(value: float, most: float) -> str:
+    """Ask for the unit where a length is so far beyond what is possible that it can hardly be one in m."""
+    return "; are its inputs in m?" if value > 20.0 * most else ""

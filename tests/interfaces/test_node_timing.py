@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phil_node.guard import finite, finite_array
-from phil_node.timing import BATCH, Timing
+from phil_node.guard import finite, finite_array, objection
+from phil_node.timing import BATCH, KINDS, STUCK, Timing
 
 
 def message():
@@ -63,3 +63,59 @@ def test_arrays_are_refused_exactly_when_a_number_is_not_finite(values):
 
 def test_a_wrong_size_is_refused():
     assert not finite_array([1.0, 2.0], np.zeros(3))
+
+
+def test_reasons_are_kept_once_with_their_number():
+    timing = Timing()
+    for cycle in range(300, 305):
+        timing.refuse(f"state {cycle} of the rig was refused: f_tr is not finite")
+    timing.refuse("state 305 of the rig was refused: v_tr is not finite")
+    assert timing.refusals == [
+        "state 300 of the rig was refused: f_tr is not finite",
+        "state 305 of the rig was refused: v_tr is not finite",
+    ]
+    assert timing.summary()[f"reason: {timing.refusals[0]}"] == "5"
+    timing.clear()
+    assert timing.refusals == []
+
+
+@given(st.lists(st.text(alphabet="abc-0123456789 ", max_size=8), max_size=200))
+def test_reasons_take_bounded_memory(texts):
+    timing = Timing()
+    for text in texts:
+        timing.refuse(text)
+    counted = [int(value) for key, value in timing.summary().items() if key.startswith("reason: ")]
+    assert len(counted) <= KINDS + 1 and sum(counted) == len(texts)
+
+
+def test_a_node_is_stuck_when_what_comes_is_refused_and_nothing_is_done(monkeypatch):
+    clock = SimpleNamespace(now=10**9)
+    monkeypatch.setattr("phil_node.timing.perf_counter_ns", lambda: clock.now)
+
+    def after(seconds):
+        clock.now += round(seconds * 1e9)
+
+    timing = Timing()
+    timing.refuse("one stray before the ride")
+    after(2.0 * STUCK)
+    assert not timing.stuck  # nobody knows whether the ride was to begin
+    timing.refuse("and it goes on")
+    assert timing.stuck
+    timing.add(0.001, None, 0)
+    assert not timing.stuck
+    after(0.1)
+    timing.refuse("one in the middle")
+    after(0.5 * STUCK)
+    assert not timing.stuck
+    after(STUCK)
+    assert timing.stuck  # nothing has come of it
+    timing.add(0.001, None, 1)
+    assert not timing.stuck
+
+
+def test_what_cannot_be_used_is_named():
+    message = SimpleNamespace(f_tr=float("nan"), v_tr=float("inf"), w_tr=0.0, q=[1.0, 2.0], p=[float("nan")] * 3)
+    assert objection(message, ("w_tr", "f_tr")) == "f_tr is not finite"
+    assert objection(message, ("f_tr", "v_tr")) == "f_tr, v_tr are not finite"
+    assert objection(message, ("w_tr", "q"), 3) == "q has 2 entries, not 3"
+    assert objection(message, ("q", "p"), 3) == "q has 2 entries, not 3; p is not finite"

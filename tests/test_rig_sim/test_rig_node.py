@@ -105,7 +105,8 @@ def test_lockstep_ride_of_refused_commands_retracts_and_says_so(ride: Any) -> No
     found.run()
     assert [s[1] for s in found.states].index(Mode.RETRACTING) == 30
     assert found.rig.timing.refused >= 10
-    wanted = "stopped: 10 successive cycles without a usable command (0 late, 10 refused)"
+    wanted = "stopped: 10 successive cycles without a usable command (0 late, 10 refused: "
+    wanted += "the command asks for a position of 5000 mm, at most 350 mm trips, 10 times)"
     assert found.rig.diagnose().message == wanted
 
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from energy_monitor.bag import Bag
+from energy_monitor.bag import Bag, Diagnostic
 from energy_monitor.books import CATENARY, FOLLOWING
 from energy_monitor.report.alignment import Aligned, last_ride, unique
 from energy_monitor.report.results import Catenary, Floats, ModeChange, Solver, Timing, Warned
+from energy_monitor.report.wall_clock import stamps
+from energy_monitor.topics import NODES, RIG_STATE
 
 # The constants of the message definitions, in their order.
 MODES = (
@@ -28,6 +31,9 @@ MODES = (
 CORRECTION = ("off", "active", "capped", "projected", "dead zone", "settled")
 ENVIRONMENT = ("catenary", "reduced model", "mass, spring and damper")
 STATUS = ("solved", "iterations ran out", "fallback")
+NUMBER = re.compile(r"-?\b\d+(\.\d+)?(e[-+]?\d+)?\b")
+AROUND = 600_000_000_000
+"""Time in ns before and after the ride in which its nodes speak; a stamp beyond is not by the clock of the ride."""
 LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
 
@@ -151,16 +157,60 @@ def timing(bag: Bag) -> list[Timing]:
     return found
 
 
-def warnings(bag: Bag, start: int) -> list[Warned]:
-    """List the distinct diagnostics of level WARN or worse in order; times are from `start` (ns)."""
-    found: dict[tuple[int, str, str], list[float]] = {}
+def warnings(bag: Bag, aligned: Aligned, ts: float, jumped: bool) -> tuple[list[Warned], list[str]]:
+    """List what the ride's nodes said of level WARN or worse, and name the others who did.
+
+    Texts that differ in their numbers only are one, the latest; times are of the ride, from the stamps. In a bag whose
+    diagnostics are not stamped by the clock of the ride they are from the log times, unless that clock `jumped`.
+    """
+    ours = _ours(bag, aligned)
+    at = _ride_times(bag, aligned, ts, jumped)
+    found: dict[tuple[int, str, str], Warned] = {}
+    others: dict[str, None] = {}
     for entry in bag.diagnostics:
-        key = (entry.level, entry.name, entry.message)
-        found.setdefault(key, []).append((entry.log_time - start) * 1e-9)
-    return [
-        Warned(_name(LEVELS, level), name, message, len(times), times[0], times[-1])
-        for (level, name, message), times in found.items()
-    ]
+        if not ours(entry):
+            others[f"{entry.name} ({entry.hardware})" if entry.hardware else entry.name] = None
+            continue
+        key, time = (entry.level, entry.name, NUMBER.sub("#", entry.message)), at(entry)
+        before = found.get(key)
+        first, count = (before.first, before.count) if before else (time, 0)
+        found[key] = Warned(_name(LEVELS, entry.level), entry.name, entry.message, count + 1, first, time)
+    return list(found.values()), list(others)
+
+
+def _ours(bag: Bag, aligned: Aligned) -> Callable[[Diagnostic], bool]:
+    """Tell the ride's own nodes from all others on /diagnostics: by their full names.
+
+    In bags of before they gave these it is the plain ones.
+    """
+    topic = "/" + aligned.rig.topic.strip("/")
+    prefix = topic[: -len(RIG_STATE)] if topic.endswith(f"/{RIG_STATE}") else "/"
+    full = {prefix + node for node in NODES}
+    known = full if full & bag.speakers else full | set(NODES)
+
+    def ours(entry: Diagnostic) -> bool:
+        name = entry.name.split(":")[0]
+        return name in known and entry.hardware in ("", name)
+
+    return ours
+
+
+def _ride_times(bag: Bag, aligned: Aligned, ts: float, jumped: bool) -> Callable[[Diagnostic], float]:
+    """Give the function that tells the time of the ride in s at which a status was sent; NaN where nobody knows."""
+    rig, begin = aligned.rig, float(aligned.cycle[0]) * ts
+    start, end = (int(at) for at in stamps(rig)[[0, -1]])
+    log, time = rig.log_time, aligned.cycle * ts
+
+    def at(entry: Diagnostic) -> float:
+        if abs(entry.stamp - start) < end - start + AROUND:
+            return begin + (entry.stamp - start) * 1e-9
+        if jumped:
+            return float("nan")
+        if entry.log_time <= log[0]:
+            return begin + float(entry.log_time - log[0]) * 1e-9
+        return float(np.interp(entry.log_time, log, time)) + max(0.0, float(entry.log_time - log[-1]) * 1e-9)
+
+    return at
 
 
 def _node(topic: str) -> str:

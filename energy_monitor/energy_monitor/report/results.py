@@ -273,7 +273,7 @@ class ModeChange:
 
 @dataclass(frozen=True)
 class Warned:
-    """A diagnostic of level WARN or worse: first and last time of the ride (wall clock), and how often."""
+    """A diagnostic of level WARN or worse: first and last time of the ride (NaN: not known), and how often."""
 
     level: str
     name: str

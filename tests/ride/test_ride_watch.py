@@ -1,0 +1,87 @@
+"""What the run script takes from the topics of a ride, and from those who are no part of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+pytest.importorskip("phil_interfaces", reason="the interfaces are not built, or not sourced")
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue  # noqa: E402
+from phil_interfaces.msg import ConservedQuantities, CycleTiming  # noqa: E402
+
+from ride.watch import Watch  # noqa: E402
+
+PROCESSES = {"test_rig_sim": 11, "impedance_mpc": 12}
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+@pytest.fixture(scope="module")
+def node() -> Iterator[Any]:
+    rclpy.init()
+    made = rclpy.create_node("ride", start_parameter_services=False)
+    yield made
+    made.destroy_node()
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def watch(node: Any) -> Watch:
+    return Watch(node, 0.002, PROCESSES, 499)
+
+
+def say(watch: Watch, level: bytes, hardware: str, message: str, **values: str) -> None:
+    pairs = [KeyValue(key=key.replace("_", " "), value=value) for key, value in values.items()]
+    status = DiagnosticStatus(
+        level=level, name=f"{hardware}: cycle", hardware_id=hardware, message=message, values=pairs
+    )
+    watch._take_diagnostics(DiagnosticArray(status=[status]))
+
+
+@pytest.mark.parametrize(
+    ("hardware", "process"),
+    [
+        ("nuc7", ""),  # another device
+        ("test_rig_sim", ""),  # a rig of before full names were given, or somebody who imitates one
+        ("/rig_b/test_rig_sim", "11"),  # a rig in a namespace
+        ("/test_rig_sim", "7"),  # the rig of a ride before, or a bag that is played
+        ("/test_rig_sim", ""),
+    ],
+)
+def test_others_end_no_ride(watch: Watch, hardware: str, process: str) -> None:
+    say(watch, OK, hardware, "stopped: landed", process=process, mode="stopped", outcome="landed")
+    say(watch, ERROR, hardware, "retracting: emergency stop", process=process, mode="retracting")
+    say(watch, WARN, hardware, "hot", process=process)
+    assert not watch.landed and not watch.retracts("test_rig_sim")
+    assert (watch.errors, watch.warnings, watch.reasons) == ({}, {}, "")
+
+
+def test_the_state_of_our_nodes_is_in_keys(watch: Watch) -> None:
+    say(watch, ERROR, "/test_rig_sim", "whatever", process="11", mode="retracting", outcome="")
+    assert watch.retracts("test_rig_sim") and not watch.landed
+    assert watch.errors == {"test_rig_sim": "whatever"}
+    say(watch, OK, "/test_rig_sim", "stopped: landed", process="11", mode="hold", outcome="")
+    assert not watch.landed
+    say(watch, OK, "/test_rig_sim", "whatever", process="11", mode="stopped", outcome="landed")
+    assert watch.landed
+
+
+def test_reasons_stand_once_with_their_number(watch: Watch) -> None:
+    text = "state 300 of the rig was refused: f_tr is not finite"
+    say(watch, WARN, "/impedance_mpc", text, process="12", refused="7")
+    watch.said["impedance_mpc"].values[f"reason: {text}"] = "7"
+    say(watch, OK, "/test_rig_sim", "hold", process="11", phase="waiting for listeners", listeners="1 matched of 3")
+    wanted = f"impedance_mpc: {text} (7 times); test_rig_sim is waiting for listeners (1 matched of 3)"
+    assert watch.reasons == wanted
+
+
+def test_cycles_beyond_the_last_are_not_of_this_ride(watch: Watch) -> None:
+    watch._take_timing(CycleTiming(cycle=2000))
+    watch._take_books(ConservedQuantities(cycle=2000))
+    assert watch.cycle == -1 and not watch.through()
+    watch._take_timing(CycleTiming(cycle=499))
+    watch._take_books(ConservedQuantities(cycle=499))
+    assert watch.through()
