@@ -30,6 +30,8 @@ STALL_SECONDS = 20.0
 RETRACT_SECONDS = 10.0
 DISCOVERY_SECONDS = 0.8
 """Time in which a neighbour on the same machine or network is seen."""
+OWN_TOPICS = tuple(topic for topic in RECORDED if not topic.startswith("/"))
+"""Topics on which nobody but the ride's nodes may speak; the first part of the name is the node that does."""
 TAKE_DOWN_ORDER = tuple(reversed(NODES))
 
 
@@ -51,6 +53,8 @@ class Ride:
         self._managed: dict[str, Managed] = {}
         self._interrupts = 0
         self._shm = snapshot()
+        self._look_at = 0.0
+        self._strangers: set[tuple[str, str]] = set()
         self.watch: Watch | None = None
         self.seconds = 0.0
 
@@ -144,6 +148,7 @@ class Ride:
                 self._spin()
                 display.show(watch)
                 self._raise_errors()
+                self._name_strangers()
                 if time.monotonic() - watch.moved > STALL_SECONDS:
                     if watch.cycle == last:
                         break  # all cycles were ridden; what the monitor still lacks, the report will say
@@ -170,6 +175,18 @@ class Ride:
             self._spin()
         raise RideError(f"{name}: {self.watch.errors[name]}")
 
+    def _name_strangers(self) -> None:
+        """Say once who else publishes on a topic of the ride; looks every two seconds."""
+        if time.monotonic() < self._look_at:
+            return
+        self._look_at = time.monotonic() + 2.0
+        for topic in OWN_TOPICS:
+            for info in self._node.get_publishers_info_by_topic(topic):
+                stranger = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+                if info.node_name != topic.split("/")[0] and (stranger, topic) not in self._strangers:
+                    self._strangers.add((stranger, topic))
+                    self._console.print(f"note: {stranger} publishes on {topic} as well", highlight=False)
+
     def _busy(self, text: str) -> contextlib.AbstractContextManager[object]:
         return self._console.status(text) if self._console.is_terminal else contextlib.nullcontext()
 
@@ -187,7 +204,7 @@ class Ride:
                 raise RideError(f"another {name} already runs on ROS domain {domain}: end it, or set ROS_DOMAIN_ID")
         if own:
             return
-        for topic in (topic for topic in RECORDED if not topic.startswith("/")):
+        for topic in OWN_TOPICS:
             if publishers := self._node.get_publishers_info_by_topic(topic):
                 who = publishers[0].node_name
                 raise RideError(f"{who} already publishes on {topic}: end it, or set ROS_DOMAIN_ID")

@@ -85,9 +85,12 @@ class Watch:
     def reasons(self) -> str:
         """Give what the nodes know about why nothing goes on; empty if they know nothing."""
         found = [f"{name}: {said}" for name, said in self.said.items() if said.level != DiagnosticStatus.OK]
-        rig = self.said.get(RIG)
-        if rig is not None and rig.values.get("phase") == "waiting for listeners":
-            found.append(f"{RIG} is waiting for listeners ({rig.values.get('listeners', 'none known')})")
+        rig = self.said[RIG].values if RIG in self.said else {}
+        phase = rig.get("phase", "")
+        if phase == "waiting for listeners":
+            found.append(f"{RIG} is {phase} ({rig.get('listeners', 'none known')})")
+        elif phase == "waiting for a command" and not found:
+            found.append(f"{RIG} is {phase} (cycle {rig.get('cycle', 'unknown')}), nobody says why it does not come")
         return "; ".join(found)
 
     def through(self) -> bool:

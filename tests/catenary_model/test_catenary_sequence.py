@@ -37,6 +37,15 @@ def test_nonsense_is_refused_and_the_cycle_stays_open() -> None:
     assert sequence.judge(1, 100.0) is Verdict.TAKEN
 
 
+def test_what_is_refused_has_a_reason() -> None:
+    sequence = after(0, 1, longest=3)
+    assert sequence.objection(2, math.nan) == "f_cat is not finite"
+    sequence.judge(6, 7.0)
+    assert sequence.objection(6, 7.0) == "it is more than 3 cycles ahead of cycle 2, which has not come"
+    sequence.judge(7, 7.0)
+    assert sequence.objection(7, 7.0) == sequence.broken
+
+
 def test_gap_is_bridged_with_the_last_force() -> None:
     sequence = after(0, 1)
     assert sequence.judge(5, 7.0) is Verdict.TAKEN

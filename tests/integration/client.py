@@ -32,7 +32,7 @@ class Client:
 
     def _take_status(self, message: Any) -> None:
         for status in message.status:
-            self.status[status.hardware_id] = status
+            self.status[status.hardware_id.rsplit("/", 1)[-1]] = status
 
     def spin(self) -> None:
         self.executor.spin_once(timeout_sec=0.05)

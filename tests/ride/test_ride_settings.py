@@ -220,3 +220,16 @@ def test_values_of_the_command_line_are_yaml_1_2():
     )
     assert given.overrides["n"] == {"a": 10, "b": 1e-3, "c": "yes", "d": [1, 2.5]}
     assert given.overrides["test_rig_sim"] == {"seed": 10}
+
+
+def test_all_nodes_have_the_clock_of_the_rig(tmp_path):
+    def clocks(settings):
+        return {values["mode"] for values in settings.values()}
+
+    assert clocks(resolve(None, {})) == {"lockstep"}
+    assert clocks(resolve(None, {"test_rig_sim": {"mode": "realtime"}})) == {"realtime"}
+    params = file(tmp_path, {"test_rig_sim": {"ros__parameters": {"mode": "realtime"}}})
+    assert clocks(resolve(params, {})) == {"realtime"}
+    with pytest.raises(ParameterError) as refused:
+        resolve(None, {"test_rig_sim": {"mode": "warp"}})
+    assert str(refused.value).count("'mode'") == 1  # said once, of the rig

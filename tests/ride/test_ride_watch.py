@@ -78,6 +78,13 @@ def test_reasons_stand_once_with_their_number(watch: Watch) -> None:
     assert watch.reasons == wanted
 
 
+def test_a_rig_that_nobody_answers_is_a_reason_where_there_is_no_other(watch: Watch) -> None:
+    say(watch, OK, "/test_rig_sim", "tracking", process="11", phase="waiting for a command", cycle="300")
+    assert watch.reasons.startswith("test_rig_sim is waiting for a command (cycle 300)")
+    say(watch, WARN, "/impedance_mpc", "state 300 of the rig was refused", process="12")
+    assert watch.reasons == "impedance_mpc: state 300 of the rig was refused"
+
+
 def test_cycles_beyond_the_last_are_not_of_this_ride(watch: Watch) -> None:
     watch._take_timing(CycleTiming(cycle=2000))
     watch._take_books(ConservedQuantities(cycle=2000))

@@ -45,6 +45,39 @@ def test_reason_of_a_retract_tells_late_commands_from_refused_ones() -> None:
     assert rig.reason == "5 successive cycles without a usable command (2 late, 3 refused)"
 
 
+@settings(max_examples=200)
+@given(st.floats(), st.floats())
+def test_a_refused_command_is_refused_in_words(u_tr: float, u_tr_next: float) -> None:
+    """Number, position or leap: whatever is not admissible has one of three reasons, with the limit that it breaks."""
+    rig = fresh()
+    if rig.admissible(u_tr, u_tr_next):
+        return
+    text = rig.objection(u_tr, u_tr_next)
+    if not (math.isfinite(u_tr) and math.isfinite(u_tr_next)):
+        assert text == "the command is not a finite number"
+    elif max(abs(u_tr), abs(u_tr_next)) > LIMITS.trip_position:
+        assert f"at most {LIMITS.trip_position * 1e3:g} mm trips" in text
+    else:
+        assert text.startswith("the command leaps by") and "limits.reference_step" in text
+
+
+def test_a_retract_says_why_commands_were_refused() -> None:
+    """Each kind once, with what was said of the first and how many there were; what was followed since is forgotten."""
+    rig = fresh()
+    step = LIMITS.reference_step
+    rig.objection(math.nan, 0.0)
+    rig.bridge(refused=True)
+    rig.follow(0.0, 0.0)
+    for u_tr_next in (2.0 * step, 3.0 * step, 1e6 * step, math.nan, 2.0 * step):
+        assert not rig.admissible(0.0, u_tr_next)
+        rig.objection(0.0, u_tr_next)
+        rig.bridge(refused=True)
+    leap = f"the command leaps by {2e3 * step:.4g} mm within a cycle, at most {1e3 * step:g} mm (limits.reference_step)"
+    assert f"(0 late, 5 refused: {leap}, 3 times; the command asks for a position of" in rig.reason
+    assert "trips; are its inputs in m?, 1 times" in rig.reason
+    assert rig.reason.endswith("the command is not a finite number, 1 times)")
+
+
 def test_prediction_of_a_late_command_is_the_goal_of_the_next_bridge() -> None:
     rig = fresh(reference=0.01, entry_cycles=0)
     rig.follow(0.01, 0.012)
