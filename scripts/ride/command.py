@@ -23,7 +23,7 @@ def carry_out(options: Options) -> int:
     try:
         settings = resolve(options.params, options.overrides, options.rig)
         line, pantograph = line_text(settings), pantograph_text(settings)
-        remarks = notices(options.params, settings)
+        said = notices(options.params, settings)
     except ParameterError as error:
         errors.print(str(error))
         return WRONG
@@ -36,8 +36,8 @@ def carry_out(options: Options) -> int:
     except OSError as error:
         errors.print(f"{options.out} cannot be written: {error.strerror}")
         return WRONG
-    for remark in remarks:
-        errors.print(f"note: {remark}")
+    for notice in said:
+        errors.print(f"note: {notice}")
     return _ride_and_report(options, settings, console, errors)
 
 
