@@ -89,10 +89,6 @@ class Statics:
         """Height of the contact wire at track positions zeta, m."""
         return self.contact_beam.value(zeta)
 
-    def contact_slope(self, zeta: Array) -> Array:
-        """Slope of the contact wire at track positions zeta, 1."""
-        return self.contact_beam.slope(zeta)
-
     def carrier(self, zeta: Array) -> Array:
         """Height of the carrier at track positions zeta, m."""
         return self.carrier_beam.value(zeta)

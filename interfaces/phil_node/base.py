@@ -27,7 +27,6 @@ from std_srvs.srv import Trigger
 from phil_node.changes import as_declared, fixed_while_active, merged
 from phil_node.declare import declare
 from phil_node.executor import events_executor
-from phil_node.guard import finite
 from phil_node.parameters import Group, ParameterError, defaults, infos, values_of
 from phil_node.qos import CYCLE
 from phil_node.timing import Timing
@@ -44,7 +43,7 @@ LOCKSTEP = "lockstep"
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
-__all__ = ["ERROR", "OK", "WARN", "Diagnosis", "PhilNode", "finite", "run"]
+__all__ = ["ERROR", "OK", "WARN", "Diagnosis", "PhilNode", "leave", "run"]
 
 
 @dataclass

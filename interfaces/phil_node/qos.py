@@ -4,20 +4,21 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 CYCLE = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
+    depth=5000,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""One sample a cycle. Reliable: a lost cycle breaks the books and the wire's state. 1000 deep: a listener that the
-machine holds up for a second or two still gets every cycle; a writer keeps what a slow one has not acknowledged."""
+"""One sample a cycle. Reliable: a lost cycle breaks the books and the wire's state. 5000 deep: a listener that the
+machine holds up for seconds still gets every cycle, in lockstep at several times real time, too; its own queue has to
+be as deep, and the writer keeps what it has not acknowledged."""
 
 CYCLE_KEPT = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
+    depth=5000,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""Like CYCLE, and the last 1000 samples are kept for who is matched late: what the catenary and the controller offer.
+"""Like CYCLE, and the last 5000 samples are kept for who is matched late: what the catenary and the controller offer.
 The rig waits for its listeners before cycle 0, they cannot; a monitor or recorder that asks for it misses no cycle of
 theirs. Nodes of the loop ask for CYCLE: they take what comes from now on."""
 

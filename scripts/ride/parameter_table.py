@@ -18,8 +18,6 @@ package. A parameter marked *live* may change while its node is active (`ros2 pa
 not. This page is made by `python -m ride.parameter_table` and checked by the tests.
 """
 
-COLUMNS = "| parameter | meaning | unit | default | allowed |\n| --- | --- | --- | --- | --- |"
-
 
 def table() -> str:
     """Make the page."""

@@ -92,7 +92,7 @@ def test_slope_is_the_derivative_of_the_shape() -> None:
     for rest in (REST, statics.solve(uneven_line())):
         zeta, d = np.linspace(-170.0, 230.0, 777), 1e-5
         numeric = (rest.contact(zeta + d) - rest.contact(zeta - d)) / (2 * d)
-        np.testing.assert_allclose(rest.contact_slope(zeta), numeric, atol=1e-8)
+        np.testing.assert_allclose(rest.contact_beam.slope(zeta), numeric, atol=1e-8)
 
 
 # ---- laws ---------------------------------------------------------------------------------------------------------

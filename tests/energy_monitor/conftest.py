@@ -177,7 +177,7 @@ def _messages(ride: SyntheticRide, store: Any) -> Iterable[tuple[int, str, str, 
             f_predicted=c["f_predicted"][i], f_cor=f_cor, f_cat=c["sent"][i],
             f_cor_lower=-ride.bound, f_cor_upper=ride.bound, correction=1, environment=int(c["environment"][i]),
             w_env=c["w_cat"][i], v_env=v_cat,
-            status=2 if k in ride.fallbacks else int(k % 100 == 99),
+            status=2 if k in ride.fallbacks else 0,
             iterations=3 + k % 2, fallbacks=0,
         )  # fmt: skip
         if counted[i]:

@@ -219,11 +219,6 @@ class Catenary(Observed):
         return lattice.local_compliance(self.config.line.contact.seen_from(self.config.speed), self.segment_mesh.h)
 
     @property
-    def grid_compliance(self) -> float:
-        """What the grid lacks in compliance under the contact force, dC in m/N: part of `w_cat`."""
-        return float(self.constants.real[layout.COMPLIANCE])
-
-    @property
     def external_load(self) -> Array:
         """Forces beside the contact force, N, (nodes, wire), of the present instant: write into it; it stays."""
         self.state.counter[layout.PUSHED] = 1

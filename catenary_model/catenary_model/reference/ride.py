@@ -52,11 +52,6 @@ class Ride:
     snapshots: Array
     """Heights of carrier and contact wire at the nodes, m, (snapshots, 2, nodes)."""
 
-    @property
-    def contact_lost(self) -> float:
-        """Share of the steps without contact, 1."""
-        return float((self.F <= 0.0).mean())
-
     def between(self, start: float, end: float) -> Flags:
         """Mark the steps in which the contact point was at or past start and before end (track positions, m)."""
         return (self.zeta >= start) & (self.zeta < end)

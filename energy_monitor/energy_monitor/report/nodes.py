@@ -29,15 +29,15 @@ MODES = (
     "landing",
 )
 CORRECTION = ("off", "active", "capped", "projected", "dead zone", "settled")
-ENVIRONMENT = ("catenary", "reduced model", "mass, spring and damper")
-STATUS = ("solved", "iterations ran out", "fallback")
+STATUS = {0: "solved", 2: "fallback"}
+FALLBACK = 2
 NUMBER = re.compile(r"-?\b\d+(\.\d+)?(e[-+]?\d+)?\b")
 AROUND = 600_000_000_000
 """Time in ns before and after the ride in which its nodes speak; a stamp beyond is not by the clock of the ride."""
 LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
 
-def counts(values: NDArray[Any], names: Sequence[str]) -> dict[str, int]:
+def counts(values: NDArray[Any], names: Sequence[str] | Mapping[int, str]) -> dict[str, int]:
     """Count how often each named constant occurs, those that do only; an unknown one by its number."""
     found, number = np.unique(values, return_counts=True)
     return {_name(names, int(v)): int(n) for v, n in zip(found, number, strict=True)}
@@ -103,7 +103,7 @@ def solver(aligned: Aligned) -> Solver:
         iterations_mean=float(iterations.mean()),
         iterations_p99=float(np.percentile(iterations, 99.0)),
         iterations_max=int(iterations.max()),
-        fallbacks=int((status == STATUS.index("fallback")).sum()),
+        fallbacks=int((status == FALLBACK).sum()),
         status=counts(status, STATUS),
     )
 
@@ -218,5 +218,6 @@ def _node(topic: str) -> str:
     return parts[-2] if len(parts) > 1 else parts[0]
 
 
-def _name(names: Sequence[str], value: int) -> str:
-    return names[value] if value < len(names) else f"unknown ({value})"
+def _name(names: Sequence[str] | Mapping[int, str], value: int) -> str:
+    known = names if isinstance(names, Mapping) else dict(enumerate(names))
+    return known.get(value, f"unknown ({value})")
