@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from energy_monitor.agreement import Agreement, Entry, SampleTrace, Tolerance
@@ -22,6 +22,8 @@ HELD_UP = 0.4
 """s without being told the time: it did not run, and knows nothing of what went on meanwhile."""
 LONGEST_CATCHING_UP = 10.0
 """s that it gets at most to read what waited."""
+RESTART = 64
+"""Cycles that a stream has to have come to for its cycle 0 to be a new ride's; before, it is sent again."""
 
 
 class RigSample(NamedTuple):
@@ -75,6 +77,11 @@ class Audit:
         self._jumps = [JumpFilter() for _ in STREAMS]
         self._jumps_of_books = JumpFilter()
         self._alive: float | None = None
+        self.rides = 0
+        """How often all streams began anew, without this one being told to."""
+        self._begun: list[list[tuple[Any, ...]] | None] = [None for _ in STREAMS]
+        self._entries_begun: list[Entry] = []
+        self._skips_entries = False
         self.clear()
 
     def clear(self) -> None:
@@ -89,11 +96,14 @@ class Audit:
         self._jumps_of_books.clear()
         self._newest_entry = -1
         self._caught_up = -math.inf
+        self._begun = [None for _ in STREAMS]
+        self._entries_begun = []
+        self._skips_entries = False
         self.refused = 0
 
     def rig(self, cycle: int, sample: RigSample, last: bool) -> bool:
         """Take a state of the rig; tells whether it is a new one, which is in the contact quality now."""
-        if not self._believes(RIG, cycle):
+        if self._of_next_ride(RIG, cycle, sample, last) or not self._believes(RIG, cycle):
             return False
         arrival = self.matcher.accept(RIG, cycle, sample)
         if last and arrival in (Arrival.NEW, Arrival.OUT_OF_ORDER):
@@ -106,23 +116,65 @@ class Audit:
 
     def command(self, cycle: int, sample: CommandSample) -> None:
         """Take a command."""
-        if self._believes(COMMAND, cycle):
+        if not self._of_next_ride(COMMAND, cycle, sample) and self._believes(COMMAND, cycle):
             self.matcher.accept(COMMAND, cycle, sample)
 
     def catenary(self, cycle: int, sample: CatenarySample) -> bool:
         """Take a state of the catenary; tells whether it was used."""
-        if not self._believes(CATENARY, cycle):
+        if self._of_next_ride(CATENARY, cycle, sample) or not self._believes(CATENARY, cycle):
             return False
         return self.matcher.accept(CATENARY, cycle, sample) in (Arrival.NEW, Arrival.OUT_OF_ORDER)
 
     def believed(self, entry: Entry) -> None:
         """Take an entry of the controller's books."""
+        if self._skips_entries:  # left from the ride before
+            if entry.cycle > RESTART:
+                return
+            self._skips_entries = False
+        if entry.cycle <= RESTART < self._newest_entry or self._entries_begun:
+            if len(self._entries_begun) < self.matcher.capacity:
+                self._entries_begun.append(entry)
+            return
         # Its topic may be read before the others: it is held against itself, too.
         if not self._jumps_of_books.believes(entry.cycle, max(self.matcher.expected, self._newest_entry + 1)):
             self.refused += 1
             return
         self._newest_entry = max(self._newest_entry, entry.cycle)
         self.agreement.theirs(entry)
+
+    def _of_next_ride(self, stream: int, cycle: int, *sample: Any) -> bool:
+        """Keep a message back that belongs to the next ride, until every stream has begun it; then begin it here.
+
+        All nodes go back to cycle 0 when they are reset; what waits here of the ride before is read first. A stream
+        that only sends again what it has sent comes back to where it was: then it is taken as that.
+        """
+        begun, newest = self._begun[stream], self.matcher.newest[stream]
+        if begun is None:
+            if cycle != 0 or newest <= RESTART:
+                return False
+            begun = self._begun[stream] = []
+        elif cycle > newest or len(begun) >= self.matcher.capacity:
+            for number, *again in begun:
+                self.matcher.accept(stream, number, again[0])
+            self._begun[stream] = None
+            return False
+        begun.append((cycle, *sample))
+        if all(self._begun):
+            self._begin()
+        return True
+
+    def _begin(self) -> None:
+        """Begin the ride whose first messages were kept back."""
+        streams, entries = self._begun, self._entries_begun
+        self.clear()
+        self.rides += 1
+        self._skips_entries = not entries
+        takes: tuple[Callable[..., object], ...] = (self.rig, self.command, self.catenary)
+        for take, kept in zip(takes, streams, strict=True):
+            for message in kept or ():
+                take(*message)
+        for entry in entries:
+            self.believed(entry)
 
     def alive(self, now: float) -> None:
         """Note that the monitor runs; ``now`` in s, at least every HEARTBEAT.

@@ -218,6 +218,57 @@ def test_any_order_of_reading_gives_the_books_of_the_one_in_step(chance, pieces)
     assert late.complaints(0.0, 1.0) == whole.complaints(0.0, 1.0)
 
 
+@pytest.mark.parametrize("told", [True, False], ids=["monitor reset in between", "monitor not reset"])
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_a_ride_that_began_anew_while_the_monitor_was_held_up(told, order):
+    """Topic by topic: the end of one ride, then the beginning of the next; only the next one is in the books then."""
+    first, second, audit, alone = invented(900), invented(400, seed=8), Audit(parameters()), Audit(parameters())
+    cycles = range(300, 900), range(400)
+
+    def send(audit, ride, stream, k):
+        if stream == 0:
+            audit.rig(k, ride.rig(k), False)
+        elif stream == 1:
+            audit.command(k, ride.command(k))
+        else:
+            audit.catenary(k, ride.catenary(k))
+
+    for k in range(300):
+        for stream in range(3):
+            send(audit, first, stream, k)
+        list(audit.settle(0.0))
+    if told:
+        audit.clear()
+    booked = []
+    for stream in order:
+        for ride, numbers in zip((first, second), cycles, strict=True):
+            for k in numbers:
+                send(audit, ride, stream, k)
+                booked += [cycle for cycle, _ in audit.settle(0.0)]
+    for k in range(400):
+        for stream in range(3):
+            send(alone, second, stream, k)
+    list(alone.settle(0.0))
+    assert booked[-400:] == list(range(400))
+    assert audit.entry(0) == alone.entry(0)
+    assert audit.quality.statistics == alone.quality.statistics
+    assert (audit.complaints(0.0, 1.0), audit.refused, audit.rides) == ([], 0, 1)
+
+
+def test_a_stream_that_is_sent_again_is_no_new_ride():
+    """What a late match brings once more: doubles."""
+    audit, ride = Audit(parameters()), invented(300)
+    for k in range(300):
+        audit.rig(k, ride.rig(k), False)
+        audit.command(k, ride.command(k))
+        if k < 200:
+            audit.catenary(k, ride.catenary(k))
+    for k in range(300):
+        audit.catenary(k, ride.catenary(k))
+    assert [cycle for cycle, _ in audit.settle(0.0)] == list(range(300))
+    assert (audit.matcher.missing, audit.matcher.duplicates, audit.rides) == ([0, 0, 0], 200, 0)
+
+
 def test_disagreement_with_the_controller_is_said():
     audit = Audit(parameters())
     drive(audit, invented(100))

@@ -12,7 +12,9 @@ from phil_interfaces.msg import CatenaryState, ConservedQuantities, ImpedanceCom
 from energy_monitor.audit import Audit
 from energy_monitor.node import DEEP, MonitorNode
 from energy_monitor.parameters import Parameters
+from energy_monitor.record import DEPTH
 from phil_node.parameters import build, defaults
+from phil_node.qos import CYCLE, CYCLE_KEPT
 from phil_node.timing import Timing
 
 NAN, INF = float("nan"), float("inf")
@@ -125,4 +127,23 @@ def test_an_absurd_cycle_number_is_refused_on_every_topic():
 
 
 def test_the_queues_are_deep():
-    assert DEEP.depth == 5000
+    """On both sides: a writer forgets what is older than its own queue, acknowledged or not."""
+    assert DEEP.depth == CYCLE.depth == CYCLE_KEPT.depth == DEPTH == 5000
+
+
+def test_a_node_that_was_held_up_loses_nothing():
+    """All that waited comes topic by topic, the controller's books first."""
+    node, late = Wired(), 2000
+    for k in range(10, late, 10):
+        node._on_believed(ConservedQuantities(cycle=k))
+    for k in range(late):
+        node._on_rig(RigState(cycle=k, mode=0, f_tr=100.0))
+    for k in range(late):
+        node._on_command(ImpedanceCommand(cycle=k, f_tr=100.0, f_predicted=98.0, f_cor=1.0, f_cat=99.0))
+    for k in range(late):
+        node._on_catenary(CatenaryState(cycle=k, f_cat=99.0 if k else 0.0, speed=50.0))
+    matcher = node._audit.matcher
+    assert (matcher.complete, matcher.missing, node._audit.refused) == (late, [0, 0, 0], 0)
+    assert node._books == list(range(0, late, 10))
+    assert node._audit.agreement.compared == late // 10 - 1
+    assert node._audit.complaints(0.0, 1.0) == []
