@@ -3,17 +3,23 @@
 import pytest
 
 from energy_monitor.beliefs import HEAD_MASS, RIGS, beliefs, remark
-from ride.settings import resolve, rig_names
+from ride.settings import resolve, rig_layer, rig_names
 from test_rig_sim.pantographs import PANTOGRAPHS
 
 
-def differing(rig=None, **changes):
-    """Names of the parameters that are marked in a ride with changes, given as node__parameter."""
-    overrides = {}
+@pytest.fixture(scope="module")
+def usual():
+    return resolve(None, {})
+
+
+def differing(usual, layer=None, **changes):
+    """Parameters that are marked in the usual ride with changes, given as node__parameter, and the line about them."""
+    settings = {node: {**values, **(layer or {}).get(node, {})} for node, values in usual.items()}
     for name, value in changes.items():
         node, _, key = name.partition("__")
-        overrides.setdefault(node, {})[key.replace("__", ".")] = value
-    settings = resolve(None, overrides, rig)
+        key = key.replace("__", ".")
+        assert key in settings[node]
+        settings[node][key] = value
     return [one.parameter for one in beliefs(settings) if one.differs], remark(settings)
 
 
@@ -41,16 +47,16 @@ PT2 = ["rig_natural_frequency_hz", "rig_damping_ratio", "rig_delay"]
         ({"test_rig_sim__touch__speed": 0.01, "test_rig_sim__seed": 7}, []),
     ],
 )
-def test_what_does_not_follow_the_rig_is_marked(changes, marked):
-    found, said = differing(**changes)
+def test_what_does_not_follow_the_rig_is_marked(usual, changes, marked):
+    found, said = differing(usual, **changes)
     assert found == marked
     assert (said is None) is (not marked)
     for parameter in marked:
         assert f"{parameter} " in said
 
 
-def test_the_line_says_both_values():
-    _, said = differing(test_rig_sim__contact__stiffness=1e5, test_rig_sim__pantograph="state_space")
+def test_the_line_says_both_values(usual):
+    _, said = differing(usual, test_rig_sim__contact__stiffness=1e5, test_rig_sim__pantograph="state_space")
     assert "\n" not in said
     assert said.endswith(
         "forecast.stiffness 50000 N/m, the rig's is 100000; forecast.head_mass 7.2 kg, the rig's is not known"
@@ -58,8 +64,8 @@ def test_the_line_says_both_values():
 
 
 @pytest.mark.parametrize("rig", RIGS)
-def test_a_rig_brings_the_model_that_was_identified_on_it(rig):
-    found, _ = differing(rig)
+def test_a_rig_brings_the_model_that_was_identified_on_it(usual, rig):
+    found, _ = differing(usual, rig_layer(rig))
     assert not set(found) & set(PT2)
 
 
@@ -70,7 +76,6 @@ def test_rigs_and_heads_are_those_of_the_simulated_rig():
         assert PANTOGRAPHS[name]().mass[-1] == mass, name
 
 
-def test_without_a_simulated_rig_nothing_is_said():
-    settings = resolve(None, {})
-    assert beliefs({"impedance_mpc": settings["impedance_mpc"]}) == []
+def test_without_a_simulated_rig_nothing_is_said(usual):
+    assert beliefs({"impedance_mpc": usual["impedance_mpc"]}) == []
     assert remark({}) is None
