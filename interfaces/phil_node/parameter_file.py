@@ -40,7 +40,8 @@ class Entry:
 
     name: str
     values: dict[str, Any] = field(default_factory=dict)
-    scalars: dict[str, tuple[str, int]] = field(default_factory=dict)
+    scalars: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """The text of each scalar, and where it stands: empty for one that is quoted."""
 
     @property
     def kind(self) -> str | None:
@@ -55,9 +56,8 @@ class Entry:
 
 @dataclass(frozen=True)
 class ParameterFile:
-    """The nodes of a file, in the order of their first mention, each with its parameters in theirs."""
+    """The nodes of a file, or of several, in the order of their first mention, each with its parameters in theirs."""
 
-    path: str
     nodes: tuple[tuple[str, tuple[Entry, ...]], ...]
 
     def entries(self, node: str) -> dict[str, Entry]:
@@ -76,12 +76,12 @@ class ParameterFile:
         """Say which numbers mean something else to ROS than to YAML 1.2."""
         for node, entries in self.nodes:
             for entry in entries:
-                text, line = entry.scalars.get(entry.kind or "", ("", 0))
+                text, place = entry.scalars.get(entry.kind or "", ("", ""))
                 here, there = entry.value, plain_value(text)
                 numbers = [isinstance(value, int | float) and not isinstance(value, bool) for value in (here, there)]
                 if text and any(numbers) and here != there and not (isinstance(here, float) and math.isnan(here)):
                     taken = f"as the text '{here}'" if isinstance(here, str) else f"as {here:g}"
-                    yield f"{self.path}, line {line}: {node}.{entry.name}: {text} is read {taken}, as ROS does"
+                    yield f"{place}: {node}.{entry.name}: {text} is read {taken}, as ROS does"
 
 
 def reaches(pattern: str, node: str) -> bool:
@@ -98,19 +98,26 @@ def is_rclpys(name: str) -> bool:
     return name in ("use_sim_time", "start_type_description_service") or name.startswith("qos_overrides")
 
 
-def read_parameter_file(path: Path | str) -> ParameterFile:
-    """Read a ROS parameter file.
+def read_parameter_file(path: Path | str, *more: Path | str) -> ParameterFile:
+    """Read a ROS parameter file, or several, one after the other, as those that ROS is given together.
 
     Raises
     ------
     YamlError
-        The file cannot be read, or ROS would refuse it; one line that names file and line.
+        A file cannot be read, or ROS would refuse it; one line that names file and line.
     """
+    nodes: dict[str, list[Entry]] = {}
+    for each in (path, *more):
+        _read_into(nodes, each)
+    return ParameterFile(tuple((name, tuple(entries)) for name, entries in nodes.items()))
+
+
+def _read_into(nodes: dict[str, list[Entry]], path: Path | str) -> None:
     try:
         content = Path(path).read_bytes()
     except OSError as error:
         raise YamlError(f"{path}: cannot be read: {error.strerror}") from None
-    reader = _Reader()
+    reader = _Reader(nodes, str(path))
     try:
         for event in yaml.parse(content, Loader=SafeLoader):
             reader.take(event)
@@ -123,7 +130,6 @@ def read_parameter_file(path: Path | str) -> ParameterFile:
         raise YamlError(f"{path}: is no YAML: line {line}: a byte or character that is no text in UTF-8") from None
     except _RefusedError as error:
         raise YamlError(f"{path}: line {reader.line}: {error}") from None
-    return ParameterFile(str(path), tuple((name, tuple(entries)) for name, entries in reader.nodes.items()))
 
 
 def ros_value(text: str) -> bool | int | float | str:
@@ -165,16 +171,17 @@ class _RefusedError(ValueError):
 class _Reader:
     """The state machine of rcl_yaml_param_parser over the events of a file."""
 
-    def __init__(self) -> None:
-        self.nodes: dict[str, list[Entry]] = {}
+    def __init__(self, nodes: dict[str, list[Entry]], path: str) -> None:
+        self.nodes = nodes
         self.line = 1
+        self._path = path
         self._entries: list[Entry] | None = None  # of the node that is read
         self._at = 0  # entry that is read
         self._in_parameters = False
         self._depth = 0
         self._key_next, self._new_map = True, False
         self._list, self._list_kind = False, ""
-        self._names: list[str] = []  # rcl counts names, and cuts the joined name at its last separator
+        # rcl counts the names, and cuts the joined name at its last separator.
         self._node = ""
         self._node_depth = 0
         self._group: str | None = None
@@ -283,7 +290,8 @@ class _Reader:
         kind = type(value).__name__
         if not self._list:
             entry.values[kind] = value
-            entry.scalars[kind] = ("" if quoted or event.tag == f"{TAG}str" else text, self.line)
+            taken = "" if quoted or event.tag == f"{TAG}str" else text
+            entry.scalars[kind] = (taken, f"{self._path}, line {self.line}")
             return
         if not self._list_kind:
             self._list_kind = kind

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,14 +56,19 @@ def _check_controller(catenary: CatenaryParameters, controller: ControllerParame
     simulated_environments(controller, model)
 
 
-def notices(params: Path | None, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def files_of(params: Path | Sequence[Path] | None) -> tuple[Path, ...]:
+    """Give the parameter files as a tuple: one, several or none."""
+    return (params,) if isinstance(params, Path) else tuple(params or ())
+
+
+def notices(params: Path | Sequence[Path] | None, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Say what of a ride's parameters may be meant otherwise, one line each."""
-    found = [*_of_file(params, tuple(settings))] if params else []
+    found = [*_of_files(files_of(params), tuple(settings))] if params else []
     return [*found, *_of_rclpy(settings), *_of_nodes(settings)]
 
 
-def _of_file(params: Path, nodes: tuple[str, ...]) -> Iterator[str]:
-    file = read_parameter_file(params)
+def _of_files(files: Sequence[Path], nodes: tuple[str, ...]) -> Iterator[str]:
+    file, params = read_parameter_file(*files), ", ".join(map(str, files))
     yield from file.readings()
     for pattern in dict.fromkeys(name for name, _ in file.nodes):
         if not nodes_of(pattern, nodes):

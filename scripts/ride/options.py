@@ -38,7 +38,7 @@ class Options:
     """What was asked for: ``overrides`` (node to dotted parameter to value) beat ``params``, and those ``rig``."""
 
     out: Path
-    params: Path | None
+    params: tuple[Path, ...]
     rig: str | None
     overrides: dict[str, dict[str, Any]]
     bag: bool
@@ -64,7 +64,14 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     add("--pantograph", metavar="NAME", help="unit under test (test_rig_sim.pantograph)")
     add("--seed", type=_whole, metavar="N", help="seed of the measurement noise (test_rig_sim.seed)")
     add("--rig", metavar="NAME", help="test rig: ideal, nominal or harsh, with the model identified on it (nominal)")
-    add("--params", type=Path, metavar="FILE", help="ROS parameter file for all nodes together")
+    add(
+        "--params",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="ROS parameter file for all nodes together; may be given again, later ones win",
+    )
     add("--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter; may be given again")
     add("--out", type=Path, metavar="DIR", help="where bag, report and figures go (rides/DATE-TIME)")
     add("--overwrite", action="store_true", help="replace a ride that is already in DIR")
@@ -91,7 +98,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     out = given.out or ROOT / "rides" / f"{datetime.now():%Y%m%d-%H%M%S}"
     return Options(
         out=out.absolute(),
-        params=given.params,
+        params=tuple(given.params),
         rig=given.rig,
         overrides=overrides,
         bag=not given.no_bag,

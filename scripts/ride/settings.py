@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
@@ -25,7 +25,7 @@ from phil_node.parameters import (
     values_of,
 )
 from phil_node.yaml_file import YamlError, dump_yaml
-from ride.checks import check_builds, nodes_of
+from ride.checks import check_builds, files_of, nodes_of
 
 Settings = dict[str, dict[str, Any]]
 """Node name to flat dotted parameter to value."""
@@ -67,8 +67,10 @@ def rig_layer(name: str) -> dict[str, dict[str, Any]]:
     return found
 
 
-def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]], rig: str | None = None) -> Settings:
-    """Merge the nodes' defaults, a rig, a parameter file and overrides; give node to flat values, complete and checked.
+def resolve(
+    params: Path | Sequence[Path] | None, overrides: Mapping[str, Mapping[str, Any]], rig: str | None = None
+) -> Settings:
+    """Merge the nodes' defaults, a rig, parameter files and overrides; give node to flat values, complete and checked.
 
     Later ones win: what a rig of `rig_names` brings holds where neither file nor overrides say otherwise.
 
@@ -80,7 +82,7 @@ def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]], rig
     from_rig = rig_layer(rig) if rig else {}
     models = {name: _model(name) for name in NODES}
     known = {name: {info.name for info in infos(model)} for name, model in models.items()}
-    filed, own, problems = _filed(params, known) if params else ({}, {}, [])
+    filed, own, problems = _filed(files_of(params), known) if params else ({}, {}, [])
     listed = ", ".join(NODES)
     problems += [f"--set: there is no node '{name}' (nodes: {listed})" for name in overrides if name not in NODES]
     layers = {
@@ -108,10 +110,11 @@ def resolve(params: Path | None, overrides: Mapping[str, Mapping[str, Any]], rig
     return settings
 
 
-def _filed(params: Path, known: Mapping[str, set[str]]) -> tuple[Settings, Settings, list[str]]:
-    """Give what a parameter file says to each node: of its own parameters, of rclpy's, and what is wrong with it."""
+def _filed(files: Sequence[Path], known: Mapping[str, set[str]]) -> tuple[Settings, Settings, list[str]]:
+    """Give what parameter files say to each node: of its own parameters, of rclpy's, and what is wrong with them."""
+    params = ", ".join(map(str, files))
     try:
-        file = read_parameter_file(params)
+        file = read_parameter_file(*files)
     except YamlError as error:
         raise ParameterError(str(error)) from None
     filed: Settings = {}

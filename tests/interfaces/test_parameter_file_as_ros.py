@@ -24,12 +24,12 @@ def context():
 
 
 @contextmanager
-def node(context, path, namespace):
+def node(context, paths, namespace):
     made = Node(
         "rig",
         context=context,
         namespace=namespace,
-        cli_args=["--ros-args", "--params-file", str(path)],
+        cli_args=["--ros-args", *(word for each in paths for word in ("--params-file", str(each)))],
         automatically_declare_parameters_from_overrides=True,
         use_global_arguments=False,
         start_parameter_services=False,
@@ -45,20 +45,20 @@ def comparable(values):
     return {key: repr(value) for key, value in plain.items()}
 
 
-def of_ros(context, path, namespace):
+def of_ros(context, paths, namespace):
     try:
-        with node(context, path, namespace) as made:
+        with node(context, paths, namespace) as made:
             found = made.get_parameters_by_prefix("")
             return comparable({key: entry.value for key, entry in found.items() if not _default(key, entry.value)})
     except (RuntimeError, ValueError):  # rcl refuses the file; rclpy has no type for an empty list
         return REFUSED
 
 
-def of_ours(path, namespace):
+def of_ours(paths, namespace):
     try:
-        values = read_parameter_file(path).values(f"{namespace}/rig")
+        values = read_parameter_file(*paths).values(f"{namespace}/rig")
     except YamlError as error:
-        assert str(error).startswith(str(path))
+        assert str(error).startswith(str(paths[0].parent))
         assert "line" in str(error)
         assert "\n" not in str(error)
         return REFUSED
@@ -72,11 +72,12 @@ def _default(key, value):
     return (key, value) in (("use_sim_time", False), ("start_type_description_service", True))
 
 
-def check(context, folder, content, namespace=""):
-    path = folder / "params.yaml"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    found = of_ros(context, path, namespace)
-    assert of_ours(path, namespace) == found
+def check(context, folder, *contents, namespace=""):
+    paths = [folder / f"{i}.yaml" for i in range(len(contents))]
+    for path, content in zip(paths, contents, strict=True):
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    found = of_ros(context, paths, namespace)
+    assert of_ours(paths, namespace) == found
     return found
 
 
@@ -115,7 +116,7 @@ NAMES += [
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_reaches_the_same_nodes(context, tmp_path, name):
     for namespace in ("", "/ns", "/ns/deep"):
-        check(context, tmp_path, f"{name}:\n  ros__parameters: {{a: 1}}\n", namespace)
+        check(context, tmp_path, f"{name}:\n  ros__parameters: {{a: 1}}\n", namespace=namespace)
 
 
 SCALARS = r"""
@@ -213,7 +214,22 @@ files = st.lists(
 @settings(max_examples=100)
 @given(files, st.sampled_from(["", "/ns"]))
 def test_any_file_means_the_same(context, tmp_path_factory, content, namespace):
-    check(context, tmp_path_factory.getbasetemp(), content, namespace)
+    check(context, tmp_path_factory.getbasetemp(), content, namespace=namespace)
+
+
+SEVERAL = [
+    (HEAD + "    a: 1\n    b: 1\n", HEAD + "    a: 2\n    c: 2\n"),
+    (HEAD + "    a: 1\n", HEAD + "    a: hello\n"),
+    ("/**:\n  ros__parameters: {a: 1}\n", HEAD + "    a: 2\n", "/**:\n  ros__parameters: {a: 3, b: 3}\n"),
+    (HEAD + "    a: 1\n", "/rig:\n  ros__parameters: {a: 2}\n", HEAD + "    a: 3\n"),
+    (HEAD + "    g: {a: 1}\n", "", HEAD + "    g: {a: 2, b: 2}\n"),
+    (HEAD + "    a: 1\n", "rig: [\n"),
+]
+
+
+@pytest.mark.parametrize("contents", SEVERAL)
+def test_several_files_mean_the_same(context, tmp_path, contents):
+    check(context, tmp_path, *contents)
 
 
 def test_what_is_checked_is_not_nothing(context, tmp_path):
@@ -236,7 +252,7 @@ def test_a_number_that_reads_otherwise_elsewhere_is_told(tmp_path):
 def test_what_rclpy_declares_is_known(context, tmp_path):
     path = tmp_path / "params.yaml"
     path.write_text("")
-    with node(context, path, "") as made:
+    with node(context, [path], "") as made:
         declared = list(made.get_parameters_by_prefix(""))
     assert declared
     assert all(is_rclpys(name) for name in declared)

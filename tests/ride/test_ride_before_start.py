@@ -190,3 +190,12 @@ def test_what_is_written_has_what_rclpy_itself_knows(tmp_path):
     settings = resolve(params, {})
     write(settings, line_text(settings), tmp_path)
     assert resolve(tmp_path / "params.yaml", {}) == settings
+
+
+def test_several_parameter_files_are_all_taken(tmp_path):
+    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
+    first.write_text("test_rig_sim:\n  ros__parameters: {seed: 2, duration: 5.0}\n")
+    second.write_text("test_rig_sim:\n  ros__parameters: {seed: 3}\n")
+    given = parse(["--params", str(first), "--params", str(second)])
+    rig = resolve(given.params, {})["test_rig_sim"]
+    assert (rig["seed"], rig["duration"]) == (3, 5.0)
