@@ -129,7 +129,8 @@ def _filed(files: Sequence[Path], known: Mapping[str, set[str]]) -> tuple[Settin
         for entry in entries:
             key, value = entry.name, entry.value
             if nodes and is_rclpys(key):
-                if not key.startswith("qos_overrides") and not isinstance(value, bool):
+                free = key.startswith("qos_overrides") and value is not None
+                if not (free or isinstance(value, bool)):
                     problems.append(f"{params}: parameter '{key}' = {value!r} is not allowed: true or false")
                 for name in nodes:
                     own.setdefault(name, {})[key] = value
