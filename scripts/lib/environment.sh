@@ -120,11 +120,14 @@ phil_digest() {
 
 phil_build() {
   local interfaces="$PHIL_ROOT/install/.phil-interfaces" packages="$PHIL_ROOT/install/.phil-packages" log
-  local nodes=(catenary_model impedance_mpc test_rig_sim energy_monitor) todo=()
+  local messages="$PHIL_ROOT/install/.phil-messages" generated=(interfaces/{msg,cmake,CMakeLists.txt,package.xml})
+  local nodes=(catenary_model impedance_mpc test_rig_sim energy_monitor) todo=() fresh=()
   log="$PHIL_ROOT/log/build.txt"
   if [ "$(cat "$interfaces" 2>/dev/null)" != "$(phil_digest interfaces phil_interfaces)" ]; then
     phil_say "building messages (half a minute the first time)"
     todo=(phil_interfaces "${nodes[@]}")
+    # Their code is generated and compiled again only for messages that changed, not for what lies beside them.
+    [ "$(cat "$messages" 2>/dev/null)" = "$(phil_digest "${generated[@]}")" ] || fresh=(phil_interfaces)
   elif [ "$(cat "$packages" 2>/dev/null)" != "$(phil_digest "${nodes[@]}")" ]; then
     phil_say "building nodes"
     todo=("${nodes[@]}")
@@ -132,8 +135,9 @@ phil_build() {
   [ "${#todo[@]}" -eq 0 ] && return
   mkdir -p "$PHIL_ROOT/log" "$PHIL_ROOT/install"
   # From scratch: what is there is only overwritten by files of a later date, and a file put back is an older one.
-  rm -rf "${todo[@]/#/$PHIL_ROOT/build/}" "${todo[@]/#/$PHIL_ROOT/install/}" "$packages"
-  [ "${todo[0]}" = phil_interfaces ] && rm -f "$interfaces"
+  fresh+=("${nodes[@]}")
+  rm -rf "${fresh[@]/#/$PHIL_ROOT/build/}" "${todo[@]/#/$PHIL_ROOT/install/}" "$packages"
+  [ "${todo[0]}" = phil_interfaces ] && rm -f "$interfaces" "$messages"
   (
     cd "$PHIL_ROOT" &&
       python -m colcon build --packages-select "${todo[@]}" --event-handlers console_direct- console_cohesion+ >"$log" 2>&1
@@ -141,6 +145,7 @@ phil_build() {
     tail -n 40 "$log" >&2
     phil_fail "the build failed; all of it is in $log"
   }
+  phil_digest "${generated[@]}" >"$messages"
   phil_digest interfaces phil_interfaces >"$interfaces"
   phil_digest "${nodes[@]}" >"$packages"
 }
