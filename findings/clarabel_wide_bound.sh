@@ -5,9 +5,9 @@
 # 1e9 and 1e19 on a variable whose optimum is 3, Clarabel ends with status DualInfeasible and x near 0: a certificate
 # of something that cannot be. Up to 1e8, and from 1e20 on (which the presolve takes for infinite and removes), the
 # same problem is Solved with x = 3. Without presolve 1e20 and infinity are DualInfeasible as well. Bounds of this
-# size are what other solvers' "infinity" or an unused limit look like. The documentation names the threshold of the
-# presolve (1e20), not that bounds below it spoil the status; the project's tracker advises infinity instead of 1e8
-# for another problem that ended with InsufficientProgress.
+# size are what other solvers' "infinity" or an unused limit look like. The documentation says that the presolve
+# removes bounds above its threshold (1e20), not that bounds below it spoil the status; the project's tracker advises
+# infinity in place of 1e8 for another problem, which ended with InsufficientProgress.
 #
 #   minimise 1/2 x^2 - 3 x   subject to  -1 <= x <= b
 #

@@ -2,9 +2,10 @@
 # npTDMS 1.13.0: big-endian arrays are written with their bytes as they lie, marked as little-endian
 #
 # Arrays that come from big-endian files (netCDF-3 through scipy, FITS, many measuring devices) keep that byte order
-# in NumPy, where they compute like any other. TdmsWriter takes such an array without a word, looks up the type by a
-# key that is equal for both byte orders, writes the array's own bytes, and the segment's header says little-endian:
-# what is read back are other numbers. Integers are plausible ones (1 becomes 256), floats become less than 1e-300.
+# in NumPy, where they compute like any other. TdmsWriter takes such an array without a word, takes the type from the
+# first value (which NumPy hands out in native order), writes the array's own bytes, and the segment's header says
+# little-endian: what is read back are other numbers. Integers are plausible ones (1 becomes 256), floats become
+# less than 1e-300.
 # TDMS itself knows big-endian segments, and the reader supports them. The documentation of the writer does not
 # mention byte order.
 #

@@ -2,8 +2,8 @@
 # rosbags 0.11.9 and ROS 2 Jazzy: one topic with a char field makes AnyReader refuse the whole bag
 #
 # In a .msg file `char` is the old name of uint8. ROS 2 translates it when it makes the IDL, so that the type
-# description and its hash (RIHS01) of std_msgs/msg/Char say uint8; these hashes stand in the metadata of every bag
-# that rosbag2 writes. rosbags keeps `char` as a type of its own and computes another hash, from its own store of the
+# description and its hash (RIHS01) of std_msgs/msg/Char say uint8; rosbag2 writes these hashes into the metadata of
+# a bag. rosbags keeps `char` as a type of its own and computes another hash, from its own store of the
 # Jazzy types as from the text of the definition. AnyReader.open() compares the hashes of all types in a bag and raises
 # for the first that differs: one topic with a char field anywhere in a type, and no topic of the bag can be read.
 # The documentation does not mention it. The plain Reader, which compares nothing, reads the same bag; the bytes of a
