@@ -9,7 +9,7 @@ import platform
 import sys
 from pathlib import Path
 
-NAMES = ("catenary", "mpc", "realtime")
+NAMES = ("catenary", "lines", "mpc", "realtime")
 
 WIDTH = 132
 """Columns of the tables where there is no terminal."""

@@ -1,4 +1,4 @@
-"""What is measured: the catenary's step, the controller's cycle, the whole loop in real time."""
+"""What is measured: the catenary's step, long lines, the controller's cycle, the whole loop in real time."""
 
 from __future__ import annotations
 
@@ -17,6 +17,13 @@ from bench.outcome import Outcome
 def catenary(quick: bool) -> Outcome:
     """Time the catenary's step: distribution, spans, phases, competitors."""
     from bench.catenary import run
+
+    return run(quick)
+
+
+def lines(quick: bool) -> Outcome:
+    """Time and memory from the file of a long line to a model at rest; statics against the dense way."""
+    from bench.lines import run
 
     return run(quick)
 
@@ -51,4 +58,4 @@ def realtime(quick: bool) -> Outcome:
     return Outcome(title, rows, samples)
 
 
-BENCHES: dict[str, Callable[[bool], Outcome]] = {"catenary": catenary, "mpc": mpc, "realtime": realtime}
+BENCHES: dict[str, Callable[[bool], Outcome]] = {"catenary": catenary, "lines": lines, "mpc": mpc, "realtime": realtime}
