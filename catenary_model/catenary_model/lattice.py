@@ -17,12 +17,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from catenary_model import elements
 from catenary_model.line import Wire
 from catenary_model.statics import Statics
+from phil_node.kernels import njit
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -38,7 +38,7 @@ def line_of(spans: int) -> Line:
 
 
 def ready(path: str) -> dict[str, float]:
-    """Build the default line, so that code is loaded; then read and build one from a file. Times in s, memory in MiB."""
+    """Build the default line, so that code is loaded; then one from a file; times in s, memory in MiB."""
     build(Config())
     before = _peak()
     start = perf_counter()
