@@ -211,7 +211,7 @@ files = st.lists(
 ).map(lambda pairs: "".join(f"{name}: {content}\n" for name, content in pairs))
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(files, st.sampled_from(["", "/ns"]))
 def test_any_file_means_the_same(context, tmp_path_factory, content, namespace):
     check(context, tmp_path_factory.getbasetemp(), content, namespace=namespace)

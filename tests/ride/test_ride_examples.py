@@ -165,18 +165,19 @@ def test_every_name_of_validate_and_bench_is_in_the_readme():
     assert set(re.findall(r"[a-z0-9-]+", line)) >= set(bench.NAMES)
 
 
+FOLDERS = (*NODES, "interfaces", "scripts", "docs", "examples", "tests")
+FILES = [str(file) for folder in FOLDERS for file in (ROOT / folder).rglob("*.*")]
 MADE = re.compile(r"^(params|line|pantograph|my|mine|my_line|report|metadata)\.(yaml|json|html)$")
 """Files of a ride or of a user."""
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
 def test_every_file_that_is_named_exists(path):
-    files = [str(file.relative_to(ROOT)) for file in ROOT.rglob("*") if ".venv" not in file.parts and file.is_file()]
     for name in {
         word for span in code(path.read_text()) for word in re.findall(r"[\w./-]+\.(?:py|sh|yaml|msg|css)\b", span)
     }:
         if not (MADE.match(Path(name).name) or re.search(r"[A-Z]{4,}", name) or "rides/" in name):
-            assert any(f"/{file}".endswith(f"/{name.removeprefix('./')}") for file in files), name
+            assert any(f"/{file}".endswith(f"/{name.removeprefix('./')}") for file in FILES), name
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
