@@ -58,7 +58,8 @@ def run(quick: bool) -> Outcome:
     """Measure every length in processes of its own, then the statics alone, both ways in turn."""
     lengths = SPANS[:3] if quick else SPANS
     samples: dict[str, NDArray[np.float64]] = {}
-    rows, sheet = [], []
+    rows = []
+    sheet: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory() as folder:
         for spans in lengths:
             path = Path(folder) / f"line_{spans}.yaml"
@@ -69,8 +70,8 @@ def run(quick: bool) -> Outcome:
             rows.append(distribution(name, samples[name], GOALS.get(spans), "median", "a start that nobody waits for"))
             read = float(np.median([one["read"] for one in found]))
             peak = max(one["peak"] for one in found)
-            sheet.append({"spans": spans, "read_s": read, "peak_mib": peak, "before_mib": found[0]["before"]})
-            sheet[-1] |= _statics(line_of(spans))
+            memory = {"peak_mib": peak, "before_mib": found[0]["before"]}
+            sheet.append({"spans": spans, "read_s": read, **memory, **_statics(line_of(spans))})
     columns = {
         "spans": "spans",
         "read_s": "of it reading, s",
