@@ -7,7 +7,7 @@ import pytest
 if find_spec("rclpy") is None or find_spec("phil_interfaces") is None:
     pytest.skip("ROS is not installed", allow_module_level=True)
 
-from phil_interfaces.msg import CatenaryState, ConservedQuantities, ImpedanceCommand, RigState
+from phil_interfaces.msg import CatenaryState, ConservedQuantities, CycleTiming, ImpedanceCommand, RigState
 
 from energy_monitor.audit import Audit
 from energy_monitor.node import DEEP, MonitorNode
@@ -134,6 +134,7 @@ def test_the_queues_are_deep():
 def test_a_node_that_was_held_up_loses_nothing():
     """All that waited comes topic by topic, the controller's books first."""
     node, late = Wired(), 2000
+    node.timing.connect(CycleTiming(), lambda message: None, 0.002)
     for k in range(10, late, 10):
         node._on_believed(ConservedQuantities(cycle=k))
     for k in range(late):
