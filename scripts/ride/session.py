@@ -202,8 +202,7 @@ class Ride:
             if names.count(name) > own or self._node.count_services(f"/{name}/change_state") > own:
                 domain = os.environ.get("ROS_DOMAIN_ID", "0")
                 raise RideError(f"another {name} already runs on ROS domain {domain}: end it, or set ROS_DOMAIN_ID")
-        if own:
-            return
+        # Our own nodes publish only when they are configured.
         for topic in OWN_TOPICS:
             if publishers := self._node.get_publishers_info_by_topic(topic):
                 who = publishers[0].node_name
