@@ -298,13 +298,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     recorder = RideRecorder(node, sink, topics, expected, options.all)
     began = monotonic()
+    unready: OSError | None = None
     try:
         _record(node, recorder, sink, options, asked)
+    except OSError as error:  # the ready file
+        unready = error
     finally:
         duration = monotonic() - began
         node.destroy_node()
         rclpy.try_shutdown()
-        failure = closed(sink)
+        failure = closed(sink) or unready
     if failure is not None:
         full = failure.errno in NO_ROOM
         say(f"record: {failure.strerror or failure}{ROOM if full else ''}", sys.stderr)

@@ -63,6 +63,9 @@ def _ride_and_report(options: Options, settings: Settings, console: Console, err
         code = FAILED
     except RideInterrupt:
         code = INTERRUPTED
+    except OSError as error:  # a full disk already at the start
+        errors.print(f"the ride failed: {error.filename or options.out}: {error.strerror or error}")
+        code = FAILED
     if options.report and ride.bag_path.exists() and ride.watch is not None and ride.watch.cycle >= 0:
         verdict = _report(ride.bag_path, options.out, console, errors)
         code = code or verdict

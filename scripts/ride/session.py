@@ -13,6 +13,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 
+from energy_monitor.record import DISK_FULL
 from energy_monitor.topics import RECORDED
 from phil_node.executor import events_executor
 from phil_node.scheduling import go_first
@@ -227,8 +228,14 @@ class Ride:
             raise RideInterrupt
         for process in self._processes:
             if process.ended:
+                if process is self._recorder and process.code == DISK_FULL:
+                    raise RideError(self._full)
                 words = process.last_words()
                 raise RideError(f"{process.name} ended with code {process.code}" + (f":\n{words}" if words else ""))
+
+    @property
+    def _full(self) -> str:
+        return f"the disk is full: {self.bag_path} holds what was recorded up to then; make room and ride again"
 
     def _spin_down(self) -> None:
         """Spin without caring who is still alive; a second interrupt cuts it short."""
@@ -248,8 +255,11 @@ class Ride:
                     with contextlib.suppress(RideError):
                         managed.go(DEACTIVATE, 5.0)
             if self._recorder is not None:
+                told = self._recorder.ended
                 self._recorder.ask_to_end()
                 self._recorder.wait(15.0)
+                if self._recorder.code == DISK_FULL and not told:
+                    self._console.print(self._full, highlight=False, soft_wrap=True)
             for managed in alive:
                 if managed.state == "unconfigured":
                     # Nothing to undo, and it may still be importing or compiling.

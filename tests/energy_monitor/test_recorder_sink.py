@@ -92,7 +92,8 @@ def test_definitions_carry_every_part():
 
 
 def test_an_unknown_type_keeps_the_hash_of_its_publisher():
-    assert definition_of("nobody/msg/Nothing", "RIHS01_abc") == Definition("", "RIHS01_abc")
+    found = definition_of("nobody/msg/Nothing", "RIHS01_abc")
+    assert (found.text, found.digest) == ("", "RIHS01_abc")
 
 
 def test_references_of_a_definition():

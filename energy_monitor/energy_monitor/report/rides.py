@@ -24,6 +24,11 @@ LONGEST_GAP = 10_000_000
 _OPEN = 8
 """Chains that a message may go on from: the ones that were met last."""
 
+_MOST = 100
+"""Chains that are looked at: more than any bag has rides."""
+EVERY_CYCLE = ("RigState", "CatenaryState", "ImpedanceCommand")
+"""Types that are sent in every cycle."""
+
 Rows = NDArray[np.int64]
 Cycles = NDArray[np.int64]
 
@@ -49,16 +54,16 @@ class Chain:
 def rides_of(table: Table) -> list[Table]:
     """Split a stream into its rides, in their order; stray messages and those that came again are in none."""
     cycle = cycles_of(table)
-    chains = _chains(cycle)
+    chains = _chains(cycle, 1 if table.msgtype in EVERY_CYCLE else None)
     if not chains:
         return []
     if len(chains) == 1:
         return [table if len(chains[0].rows) == len(table) else table.take(chains[0].rows)]
+    chains = _longest(_with_gaps(chains))
     rides: list[Chain] = []
-    for chain in _with_gaps(chains):
+    for chain in chains:
         if not (_inserted(chain, chains) or any(_repeats(table, chain, ride) for ride in rides)):
             rides.append(chain)
-    rides = [ride for ride in rides if len(ride.rows) >= SEVERAL] or [max(rides, key=lambda ride: len(ride.rows))]
     loose = np.setdiff1d(np.arange(len(table)), np.concatenate([ride.rows for ride in rides]), assume_unique=True)
     return [table.take(_with_late(table, ride, cycle, loose)) for ride in rides]
 
@@ -128,15 +133,24 @@ def described(rides: Sequence[Sequence[Table]]) -> str:
     return ", ".join(texts)
 
 
-def _chains(cycle: Cycles) -> list[Chain]:
-    """Split cycle numbers into chains, in the order in which these begin."""
+def _longest(chains: list[Chain]) -> list[Chain]:
+    """Choose the chains of several messages, or the longest if there is none; of very many the longest."""
+    several = [chain for chain in chains if len(chain.rows) >= SEVERAL]
+    if len(several) > _MOST:
+        several = sorted(several, key=lambda chain: len(chain.rows))[-_MOST:]
+    several.sort(key=lambda chain: int(chain.rows[0]))
+    return several or [max(chains, key=lambda chain: len(chain.rows))]
+
+
+def _chains(cycle: Cycles, usual: int | None) -> list[Chain]:
+    """Split cycle numbers into chains, in the order in which these begin; `usual` is the step where that is known."""
     rows = np.arange(len(cycle))
     if not len(cycle):
         return []
     step = np.diff(cycle)
     to_zero = (cycle[1:] == 0) & (cycle[:-1] > 0)
     rising = step[step > 0]
-    usual = int(np.median(rising)) if len(rising) else 1
+    usual = usual or (int(np.median(rising)) if len(rising) else 1)
     reach = max(STEP_BACK, 2 * usual)
     if not ((step < -STEP_BACK) | (step > reach) | to_zero).any():
         return [Chain(rows, cycle)]
