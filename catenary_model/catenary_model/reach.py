@@ -51,7 +51,7 @@ def refuse_unridable(rest: Statics) -> None:
     sites = rest.sites
     if not ((sites.kind == DROPPER) | (sites.kind == STEADY_ARM) & (sites.stiffness > 0.0)).any():
         raise StaticsError(
-            "nothing holds the contact wire: it has neither droppers nor steady arms with a stiffness, so any push "
+            "the contact wire hangs from nothing: it has neither droppers nor steady arms with a stiffness, so any push "
             "lifts it without end (no static stiffness)"
         )
     zeta = _looked_at(rest)

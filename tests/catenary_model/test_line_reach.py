@@ -73,7 +73,7 @@ def test_lift_of_a_long_line_is_that_of_the_spans_around() -> None:
 
 def test_line_that_nothing_holds_is_refused_when_read() -> None:
     text = dump_line(Line(spans=(Span(60.0, ()), Span(50.0, (), steady_arm=SteadyArm(0.0, 1.0)))))
-    with pytest.raises(LineFileError, match="nothing holds the contact wire") as caught:
+    with pytest.raises(LineFileError, match="the contact wire hangs from nothing") as caught:
         parse_line(text, "bare.yaml")
     assert str(caught.value).startswith("bare.yaml: ") and "\n" not in str(caught.value)
 
