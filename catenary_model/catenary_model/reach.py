@@ -51,8 +51,8 @@ def refuse_unridable(rest: Statics) -> None:
     sites = rest.sites
     if not ((sites.kind == DROPPER) | (sites.kind == STEADY_ARM) & (sites.stiffness > 0.0)).any():
         raise StaticsError(
-            "the contact wire hangs from nothing: it has neither droppers nor steady arms with a stiffness, so any push "
-            "lifts it without end (no static stiffness)"
+            "the contact wire hangs from nothing: it has neither droppers nor steady arms with a stiffness, so any "
+            "push lifts it without end (no static stiffness)"
         )
     zeta = _looked_at(rest)
     clearance = rest.carrier(zeta) - rest.contact(zeta)
@@ -83,6 +83,10 @@ def lifted(rest: Statics, force: float) -> Place:
     line, sites = rest.line, rest.sites
     holds = (sites.kind == DROPPER) & (sites.force > 0.0) | (sites.kind == STEADY_ARM) & (sites.stiffness > 0.0)
     at = sites.position[holds]
+    if not at.size:
+        raise StaticsError(
+            "no dropper carries the contact wire (gravity = 0 leaves all of them slack), nothing holds it"
+        )
     gap = np.diff(at, append=at[:1] + line.period)
     wide, span = int(gap.argmax()), int(np.argmax([span.length for span in line.spans]))
     tried = (at[wide] + 0.5 * gap[wide]) % line.period, line.span_starts[span] + 0.5 * line.spans[span].length

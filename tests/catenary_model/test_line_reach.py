@@ -78,6 +78,11 @@ def test_line_that_nothing_holds_is_refused_when_read() -> None:
     assert str(caught.value).startswith("bare.yaml: ") and "\n" not in str(caught.value)
 
 
+def test_wire_without_weight_hangs_on_no_dropper() -> None:
+    line = dataclasses.replace(load("en50318_2002"), gravity=0.0)
+    assert reach.beyond_reach(line, -0.2, 0.2, 120.0).startswith("no dropper carries the contact wire (gravity = 0")
+
+
 def test_carrier_that_hangs_through_the_contact_wire_is_refused_when_read() -> None:
     """Droppers near the masts only: between them the carrier sags by 0.3 m, the contact wire by half of it."""
     contact = dataclasses.replace(Line().contact, tension=40e3)
