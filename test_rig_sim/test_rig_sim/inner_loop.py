@@ -25,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag, expm, solve_discrete_are
-from scipy.signal import place_poles
 
 from phil_node.kernels import njit
 from test_rig_sim.drive import Drive
@@ -185,9 +184,11 @@ def _notch(resonance: Resonance, a: Array, b: Array, poles: Complex, period: flo
     s = np.log(poles) / period
     nearest = s[np.argmin(np.abs(s - 1j * omega))]
     damping = max(resonance.damping, float(-nearest.real / abs(nearest)))
-    wanted = omega * (-damping + np.emath.sqrt(damping**2 - 1.0))
-    found = place_poles(a, b.reshape(2, 1), np.exp(np.array([wanted, np.conj(wanted)]) * period))
-    return np.asarray(found.gain_matrix[0], dtype=np.float64)
+    wanted = np.exp(omega * (-damping + np.emath.sqrt(damping**2 - 1.0)) * period)
+    # Ackermann's formula: the pair may be one real pole twice.
+    polynomial = a @ a - 2.0 * wanted.real * a + abs(wanted) ** 2 * np.eye(2)
+    gain: Array = np.linalg.solve(np.column_stack([b, a @ b]), polynomial)[1]
+    return gain
 
 
 def loop_poles(loop: InnerLoop) -> Complex:

@@ -214,3 +214,15 @@ def test_current_limits_are_respected_and_nothing_winds_up(rig_parameters: Any, 
     assert max(w) < 0.0125
     assert w[-1] == pytest.approx(0.01, abs=1e-5)
     assert w[1000] == pytest.approx(0.01, abs=2e-4)
+
+
+@pytest.mark.parametrize("damping", [0.3, 1.0])
+def test_notch_has_the_poles_that_it_is_given(damping: float) -> None:
+    # The pair of a filter that is damped critically is one pole, twice.
+    resonance = inner_loop.Resonance(62.0, damping, 1e-6)
+    loop = designed(resonances=(resonance,))
+    closed = loop.filter_transition - np.outer(loop.filter_input, loop.notch_gain)
+    omega = 2.0 * math.pi * 62.0
+    wanted = np.exp(omega * (-damping + np.emath.sqrt(damping**2 - 1.0)) * PERIOD)
+    assert np.trace(closed) == pytest.approx(2.0 * wanted.real, rel=1e-6)
+    assert np.linalg.det(closed) == pytest.approx(abs(wanted) ** 2, rel=1e-6)
