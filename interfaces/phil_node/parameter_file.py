@@ -9,6 +9,7 @@ the same files to both.
 from __future__ import annotations
 
 import ctypes
+import difflib
 import errno
 import math
 import re
@@ -40,8 +41,8 @@ class Entry:
 
     name: str
     values: dict[str, Any] = field(default_factory=dict)
-    scalars: dict[str, tuple[str, str]] = field(default_factory=dict)
-    """The text of each scalar, and where it stands: empty for one that is quoted."""
+    given: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """The text of each value, and where it stands, the last one last; empty for a list or what is quoted."""
 
     @property
     def kind(self) -> str | None:
@@ -73,10 +74,16 @@ class ParameterFile:
         return {name: entry.value for name, entry in self.entries(node).items()}
 
     def readings(self) -> Iterator[str]:
-        """Say which numbers mean something else to ROS than to YAML 1.2."""
+        """Say which numbers mean something else to ROS than to YAML 1.2, and which last word ROS does not take."""
         for node, entries in self.nodes:
             for entry in entries:
-                text, place = entry.scalars.get(entry.kind or "", ("", ""))
+                text, place = entry.given.get(entry.kind or "", ("", ""))
+                last = next(reversed(entry.given), entry.kind)
+                if last is not None and last != entry.kind:
+                    yield (
+                        f"{entry.given[last][1]}: {node}.{entry.name}: {entry.values.get(last, [])!r} is not taken, "
+                        f"but {entry.value!r} of another type, given before, as ROS does"
+                    )
                 here, there = entry.value, plain_value(text)
                 numbers = [isinstance(value, int | float) and not isinstance(value, bool) for value in (here, there)]
                 if text and any(numbers) and here != there and not (isinstance(here, float) and math.isnan(here)):
@@ -281,7 +288,7 @@ class _Reader:
 
     def _take_value(self, event: yaml.ScalarEvent, text: str) -> None:
         if not self._in_parameters or not self._entries:
-            raise _RefusedError(f"'{text}' cannot stand before '{KEY}' and the name of a parameter")
+            raise _RefusedError(self._misplaced(text))
         quoted = event.style in ("'", '"')
         entry = self._entries[self._at]
         if not quoted and not event.value:
@@ -290,18 +297,31 @@ class _Reader:
         kind = type(value).__name__
         if not self._list:
             entry.values[kind] = value
-            taken = "" if quoted or event.tag == f"{TAG}str" else text
-            entry.scalars[kind] = (taken, f"{self._path}, line {self.line}")
+            self._note(entry, kind, "" if quoted or event.tag == f"{TAG}str" else text)
             return
         if not self._list_kind:
             self._list_kind = kind
             entry.values[f"{kind}s"] = []
+            self._note(entry, f"{kind}s", "")
         elif kind != self._list_kind:
             raise _RefusedError(
                 f"'{entry.name}' mixes types in a list, which ROS refuses: {text} is {kind}, "
                 f"those before it are {self._list_kind}"
             )
         entry.values.setdefault(f"{kind}s", []).append(value)
+
+    def _note(self, entry: Entry, kind: str, text: str) -> None:
+        """Remember text and place of a value, behind those of other types."""
+        entry.given.pop(kind, None)
+        entry.given[kind] = (text, f"{self._path}, line {self.line}")
+
+    def _misplaced(self, text: str) -> str:
+        """Say why a value cannot stand where it does."""
+        if self._in_parameters and not text:
+            return f"'{KEY}' without any parameter: leave its node out, or write '{KEY}: {{}}'"
+        meant = difflib.get_close_matches(KEY, [part for part in self._node.split("/") if part != KEY], 1, 0.8)
+        hint = f"; did you mean it by '{meant[0]}'?" if meant else ""
+        return f"'{text}' cannot stand before '{KEY}' and the name of a parameter{hint}"
 
 
 def _cut(name: str, separator: str) -> str:

@@ -249,6 +249,19 @@ def test_a_number_that_reads_otherwise_elsewhere_is_told(tmp_path):
     assert told[1:] == [f"{path}, line 9: rig.g: 1e400 is read as the text '1e400', as ROS does"]
 
 
+def test_a_last_word_of_another_type_that_ros_does_not_take_is_told(context, tmp_path):
+    pairs = [("a", "1", "2.5"), ("b", "2.5", "1"), ("c", "x", "[1]"), ("d", "1", "2"), ("e", "1", "'2'")]
+    content = HEAD + "".join(f"    {key}: {first}\n    {key}: {last}\n" for key, first, last in pairs)
+    assert check(context, tmp_path, content) == {"a": "1", "b": "1", "c": "'x'", "d": "2", "e": "1"}
+    told = list(read_parameter_file(tmp_path / "0.yaml").readings())
+    assert [line.split("0.yaml, ")[1].split(",")[0] for line in told] == [
+        "line 4: rig.a: 2.5 is not taken",
+        "line 8: rig.c: [1] is not taken",
+        "line 12: rig.e: '2' is not taken",
+    ]
+    assert told[0].endswith("but 1 of another type, given before, as ROS does")
+
+
 def test_what_rclpy_declares_is_known(context, tmp_path):
     path = tmp_path / "params.yaml"
     path.write_text("")
