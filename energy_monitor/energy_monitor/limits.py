@@ -158,6 +158,8 @@ def verdict(checks: Sequence[Check]) -> bool | None:
 
 def _standard(key: str, tree: Any) -> Standard:
     _expect(tree, key, {"title", "checks"}, {"title", "checks"})
+    if not isinstance(tree["title"], str):
+        raise LimitsError(f"{key}: title = {tree['title']!r} has to be a text")
     if not isinstance(tree["checks"], list) or not tree["checks"]:
         raise LimitsError(f"{key}: checks has to be a list")
     rules = tuple(_rule(f"{key}.checks[{i}]", rule) for i, rule in enumerate(tree["checks"]))
@@ -187,12 +189,23 @@ def _range(where: str, tree: Any) -> Range:
     bounds = {side: _bound(f"{where}.{side}", tree[side]) if side in tree else None for side in ("low", "high")}
     if bounds["low"] is None and bounds["high"] is None:
         raise LimitsError(f"{where}: needs low or high")
-    return Range(above, to, bounds["low"], bounds["high"])
+    low, high = bounds["low"], bounds["high"]
+    # Both are linear in v^2 and Fm; at Fm = 0 and at any Fm with equal factors their order is known.
+    if (
+        low
+        and high
+        and low.of_mean >= high.of_mean
+        and min(high.at(v, 0.0) - low.at(v, 0.0) for v in (above, to)) < 0.0
+    ):
+        raise LimitsError(f"{where}: low is above high, so that nothing could fulfil it")
+    return Range(above, to, low, high)
 
 
 def _bound(where: str, tree: Any) -> Bound:
     names = {"constant", "square", "of_mean"}
     _expect(tree, where, names, set())
+    if not tree:
+        raise LimitsError(f"{where}: needs one of constant, square, of_mean")
     return Bound(**{name: _number(where, tree, name) for name in tree})
 
 

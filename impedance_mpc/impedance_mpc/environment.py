@@ -32,7 +32,12 @@ class Environment(Protocol):
 
 
 def mass_spring_damper(p: MassSpringDamper, ts: float) -> Impedance:
-    """Return m w'' + d w' + k w = f_held + f with step ts (s)."""
+    """Return m w'' + d w' + k w = f_held + f with step ts (s). Raises ValueError without a spring."""
+    if p.stiffness <= 0.0:
+        raise ValueError(
+            f"parameter 'environments.mass_spring_damper.stiffness' = {p.stiffness:g} N/m has to be above 0: singular, "
+            "without a spring nothing bears the mean contact force"
+        )
     one = np.ones(1)
     return Impedance(
         mass=np.array([[p.mass]]),

@@ -73,7 +73,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         help="ROS parameter file for all nodes together; may be given again, later ones win",
     )
     add("--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter; may be given again")
-    add("--out", type=Path, metavar="DIR", help="where bag, report and figures go (rides/DATE-TIME)")
+    add("--out", type=_folder, metavar="DIR", help="where bag, report and figures go (rides/DATE-TIME)")
     add("--overwrite", action="store_true", help="replace a ride that is already in DIR")
     add("--no-bag", action="store_true", help="record nothing: no report either, only the monitor's last figures")
     add("--no-report", action="store_true", help="record, but make no report (scripts/analyze.sh makes it later)")
@@ -115,6 +115,13 @@ def _real(text: str) -> float:
 
 def _whole(text: str) -> int:
     return int(text) if re.fullmatch(r"[-+]?[0-9]+", text) else _refuse(text)
+
+
+def _folder(text: str) -> Path:
+    """Take a folder; an empty text (a variable of the shell that is not set) would be the current one."""
+    if not text:
+        raise argparse.ArgumentTypeError("an empty name is no folder")
+    return Path(text)
 
 
 def _refuse(text: str) -> NoReturn:

@@ -79,7 +79,7 @@ def resolve(
     ParameterError
         One line for each node or parameter that is unknown, of a wrong type or out of range.
     """
-    from_rig = rig_layer(rig) if rig else {}
+    from_rig = {} if rig is None else rig_layer(rig)
     models = {name: _model(name) for name in NODES}
     known = {name: {info.name for info in infos(model)} for name, model in models.items()}
     filed, own, problems = _filed(files_of(params), known) if params else ({}, {}, [])
@@ -205,11 +205,12 @@ def _model(name: str) -> type[Group]:
 
 def _check_together(settings: Mapping[str, Mapping[str, Any]]) -> None:
     """Refuse nodes that would not fit together."""
-    for key, names in (("cycle_time", NODES), ("speed_kmh", ("catenary_model", "test_rig_sim"))):
+    for key, names in (("cycle_time", NODES), ("mode", NODES), ("speed_kmh", ("catenary_model", "test_rig_sim"))):
         found = {name: settings[name][key] for name in names}
         if len(set(found.values())) > 1:
             unit = next(info.unit for info in infos(_model(names[0])) if info.name == key)
-            listed = ", ".join(f"{name} {value:g} {unit}" for name, value in found.items())
+            shown = [value if isinstance(value, str) else f"{value:g} {unit}" for value in found.values()]
+            listed = ", ".join(f"{name} {value}" for name, value in zip(found, shown, strict=True))
             where = "in all nodes" if names == NODES else "in both"
             raise ParameterError(f"parameter '{key}' has to be the same {where}, but is: {listed}")
     _check_reach(settings)

@@ -1,7 +1,7 @@
 """Parameters of operating modes, limits and the drive's own motions; part of the node's parameters."""
 
 from phil_node.parameters import Group, parameter
-from test_rig_sim.trajectory import KINDS
+from test_rig_sim.trajectory import KINDS, LONGEST
 
 
 class LimitParameters(Group):
@@ -64,6 +64,6 @@ class TrajectoryParameters(Group):
     amplitude: float = parameter("Amplitude of sine, chirp and steps", unit="m", low=0.0, high=2.0)
     frequency: float = parameter("Frequency; of a chirp at its start", unit="Hz", low=0.001, high=250.0)
     end_frequency: float = parameter("Frequency of a chirp at its end", unit="Hz", low=0.001, high=250.0)
-    duration: float = parameter("Length of sine, chirp and steps", unit="s", low=0.01, high=3600.0)
+    duration: float = parameter("Length of sine, chirp and steps", unit="s", low=0.01, high=LONGEST)
     fade: float = parameter("Time in which sine and chirp come and go", unit="s", low=0.0, high=60.0)
     file: str = parameter("CSV file with time (s) and position (m) in each line, for kind file")

@@ -16,6 +16,8 @@ Array = npt.NDArray[np.float64]
 
 _NUMBER = re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$")
 KINDS = ("sine", "chirp", "steps", "file")
+LONGEST = 3600.0
+"""s, every trajectory is sampled as a whole before it begins."""
 
 
 class Shape(NamedTuple):
@@ -96,9 +98,12 @@ def _from_file(name: str, period: float) -> Array:
         raise ValueError(f"trajectory.file = {name}: two or more lines of 'time, position' are needed")
     if not np.all(np.diff(table[:, 0]) > 0.0):
         raise ValueError(f"trajectory.file = {name}: the times do not rise from line to line")
+    length = float(table[-1, 0] - table[0, 0])
+    if length > LONGEST:
+        raise ValueError(f"trajectory.file = {name}: lasts {length:g} s, at most {LONGEST:g} s are allowed")
     spline = CubicSpline(table[:, 0] - table[0, 0], table[:, 1], bc_type="clamped")
-    count = math.ceil(float(table[-1, 0] - table[0, 0]) / period - 1e-9)
-    return np.asarray(spline(np.minimum(np.arange(count + 1) * period, table[-1, 0] - table[0, 0])), dtype=np.float64)
+    count = math.ceil(length / period - 1e-9)
+    return np.asarray(spline(np.minimum(np.arange(count + 1) * period, length)), dtype=np.float64)
 
 
 def _row(name: str, number: int, line: str) -> list[float]:

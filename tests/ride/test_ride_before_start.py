@@ -62,6 +62,7 @@ REFUSED = [
     (as_the_rig_does, TRAJECTORY, "0,0\n1,nan\n", r"line 2"),
     (as_the_rig_does, TRAJECTORY, "0,0\n1,1_0\n", r"line 2"),
     (as_the_rig_does, TRAJECTORY, "0,0\n0,1\n", r"the times do not rise"),
+    (as_the_rig_does, TRAJECTORY, "0,0\n1e7,0.01\n", r"lasts 1e\+07 s, at most 3600 s"),
     (as_the_rig_does, TRAJECTORY, "0,0\n9,0.5\n", r"trajectory.file: .*position of 0.5 m, allowed are 0.3"),
     (
         as_the_rig_does,
@@ -70,7 +71,12 @@ REFUSED = [
         r"trajectory.frequency: .*speed",
     ),
     (as_the_rig_does, {"start": "apart", "touch.highest": 0.021}, "", r"start = apart: .*0.051 m high"),
-    (as_the_controller_does, {"environments.mass_spring_damper.stiffness": 0.0}, "", r"singular"),
+    (
+        as_the_controller_does,
+        {"environments.mass_spring_damper.stiffness": 0.0},
+        "",
+        r"'environments.mass_spring_damper.stiffness' = 0 N/m has to be above 0: singular",
+    ),
     (
         as_the_catenary_does,
         {"discretisation": "fd", "grid_boundary_nodes": 3, "grid_boundary_levels": 6},
@@ -173,6 +179,8 @@ def test_a_node_twice_counts_twice(tmp_path):
         ("test_rig_sim:\n  ros__parameters: {seed: &x 5, duration: *x}\n", "mine.yaml: line 2: ROS knows no aliases"),
         ("test_rig_sim:\n  ros__parameters:\n    seed:\n", "mine.yaml: line 3: 'seed' has no value"),
         ("test_rig:\n  ros__parameters: {seed: 5}\n", "there is no node 'test_rig'"),
+        ("test_rig_sim:\n  ros_parameters:\n    seed: 5\n", "did you mean it by 'ros_parameters'"),
+        ("test_rig_sim:\n  ros__parameters:\n", "mine.yaml: line 2: 'ros__parameters' without any parameter"),
     ],
 )
 def test_a_parameter_file_that_cannot_be_meant_is_refused(tmp_path, content, words):

@@ -46,6 +46,19 @@ def test_different_cycle_times_are_refused():
         resolve(None, {"test_rig_sim": {"cycle_time": 0.004}})
 
 
+def test_different_clocks_are_refused():
+    with pytest.raises(ParameterError, match=r"'mode' has to be the same.*monitor realtime, test_rig_sim lockstep"):
+        resolve(None, {"energy_monitor": {"mode": "realtime"}})
+
+
+def test_an_empty_name_is_no_rig_and_no_folder(capsys):
+    with pytest.raises(ParameterError, match="there is no rig ''"):
+        resolve(None, {}, "")
+    with pytest.raises(SystemExit, match="2"):
+        parse(["--out", ""])
+    assert "an empty name is no folder" in capsys.readouterr().err
+
+
 def test_the_rig_rides_as_fast_as_the_catenary_says(tmp_path):
     def speed(settings):
         return settings["test_rig_sim"]["speed_kmh"]
