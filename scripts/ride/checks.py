@@ -15,6 +15,8 @@ from impedance_mpc.switching import simulated_environments
 from phil_node.parameter_file import reaches, read_parameter_file
 from phil_node.parameters import Group, ParameterError
 
+LISTENERS = ("impedance_mpc", "energy_monitor")
+"""Nodes of a ride that listen to the rig's state; its recorder is counted by the ride itself."""
 REST_OF_DELAY = 0.002
 """s, dead time that a rig's position loop has beyond whole cycles: the identified rigs have up to 1.04 ms."""
 
@@ -91,6 +93,11 @@ def _of_nodes(settings: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         yield (
             f"impedance_mpc.rig_delay = {believed * 1e3:g} ms does not fit test_rig_sim.command_delay = "
             f"{rig['command_delay']} cycles ({whole * 1e3:g} ms, and up to {max(ts, REST_OF_DELAY) * 1e3:g} ms besides)"
+        )
+    if rig["wait_for_subscribers"] > len(LISTENERS):
+        yield (
+            f"test_rig_sim.wait_for_subscribers = {rig['wait_for_subscribers']}: a ride itself has {len(LISTENERS)} "
+            f"({', '.join(LISTENERS)}), cycle 0 waits for the others"
         )
     reach = rig["limits.position"]
     for key in ("position_minimum", "position_maximum"):

@@ -28,6 +28,8 @@ START_SECONDS = 60.0
 CONFIGURE_SECONDS = 180.0
 """The very first start compiles the kernels."""
 STALL_SECONDS = 20.0
+MOST_LISTENERS = 100
+"""Listeners that the rig's parameter allows."""
 RETRACT_SECONDS = 10.0
 DISCOVERY_SECONDS = 0.8
 """Time in which a neighbour on the same machine or network is seen."""
@@ -123,7 +125,7 @@ class Ride:
     @property
     def _listeners(self) -> int:
         wanted: int = self._settings["test_rig_sim"]["wait_for_subscribers"]
-        return wanted + (self._recorder is not None)
+        return min(wanted + (self._recorder is not None), MOST_LISTENERS)
 
     def _ride(self) -> None:
         self._managed = {name: Managed(self._node, name, self._spin) for name in NODES}

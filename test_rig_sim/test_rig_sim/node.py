@@ -385,7 +385,7 @@ class RigNode(PhilNode[Parameters]):
             "in contact": "yes" if supervisor.touching else "no",
             "reason": supervisor.reason,
             "cycle": str(self._cycle),
-            "listeners": "{} matched of {}".format(*self._listeners),
+            "listeners": "{} matched of {}, {} wanted".format(*self._listeners, self.parameters.wait_for_subscribers),
             "late ticks": str(self._late_ticks),
             "skipped ticks": str(self._pacing.skipped),
             "commands cut": str(supervisor.limited),

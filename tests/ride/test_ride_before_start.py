@@ -43,6 +43,8 @@ def as_the_controller_does(p):
     EnvironmentSwitch(p, Impedance(m, d, k, b, b, p.cycle_time, NEWMARK_BETA, NEWMARK_GAMMA))
 
 
+PANTOGRAPH = {"pantograph": "state_space", "pantograph_file": "FOLDER/limits.yaml"}
+NO_LIFT = "kind: state_space\nA: [[0, 1], [-100, -10]]\nB: [[0], [0]]\nC: [1, 0]\ninputs: [contact_force]\n"
 TRAJECTORY = {"trajectory.kind": "file", "trajectory.file": "FOLDER/way.csv"}
 
 REFUSED = [
@@ -58,6 +60,7 @@ REFUSED = [
         "",
         r"none.csv cannot be read: No such file",
     ),
+    (as_the_rig_does, PANTOGRAPH, NO_LIFT, r"'pantograph_file': at rest no lift puts the head at its nominal height"),
     (as_the_rig_does, TRAJECTORY, "0,0\n1;5\n", r"line 2: '1;5' is not 'time, position'"),
     (as_the_rig_does, TRAJECTORY, "0,0\n1,nan\n", r"line 2"),
     (as_the_rig_does, TRAJECTORY, "0,0\n1,1_0\n", r"line 2"),
@@ -131,6 +134,7 @@ def test_the_defaults_and_the_rigs_give_no_notice():
         ("impedance_mpc", "rig_delay", 0.02, r"rig_delay = 20 ms does not fit .*command_delay = 0 cycles"),
         ("test_rig_sim", "command_delay", 2, r"rig_delay = 0.8423 ms does not fit .*command_delay = 2 cycles \(4 ms"),
         ("impedance_mpc", "position_maximum", 0.5, r"position_maximum = 0.5 m is beyond .*limits.position = 0.3 m"),
+        ("test_rig_sim", "wait_for_subscribers", 3, r"wait_for_subscribers = 3: a ride itself has 2 .*waits for the"),
         ("test_rig_sim", "limits.reference_step", 0.001, r"velocity_limit = 2 m/s is more than .*reference_step"),
     ],
 )

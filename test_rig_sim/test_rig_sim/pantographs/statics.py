@@ -1,5 +1,7 @@
 """Where a pantograph stands at rest: its operating point, and its equilibrium under a drive of any height."""
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
@@ -11,6 +13,8 @@ Array = npt.NDArray[np.float64]
 
 REACH = 10.0
 """m, farther than this from its nominal height no pantograph stands."""
+STRONGEST = 1e6
+"""N, no actuator lifts a pantograph with more."""
 
 
 def set_up(p: Pantograph, lift: float, contact_stiffness: float) -> Pantograph:
@@ -19,7 +23,7 @@ def set_up(p: Pantograph, lift: float, contact_stiffness: float) -> Pantograph:
     lift in N; to it comes the lift by the air flow. The frame's spring is unloaded there and the heights of the frame's
     laws count from there, so the whole lift passes through the chain: the head stands F / k_contact above the drive's
     surface and every body below it the deflection of the springs between them higher. Away from the nominal height
-    the frame adds to or takes from the force. contact_stiffness in N/m.
+    the frame adds to or takes from the force. contact_stiffness in N/m. Raises ValueError if no lift moves the head.
     """
     force = lift + p.frame.air
     n = p.bodies
@@ -31,7 +35,13 @@ def set_up(p: Pantograph, lift: float, contact_stiffness: float) -> Pantograph:
     matrix = np.zeros((m + 1, m + 1))
     matrix[:m, :m], matrix[:m, m], matrix[m, p.head] = p.A, p.B[:, LIFT], 1.0
     right = np.append(-(p.B[:, LIFT] + p.B[:, CONTACT]) * force, force / contact_stiffness)
-    return p._replace(preload=float(np.linalg.solve(matrix, right)[m]))
+    try:
+        preload = float(np.linalg.solve(matrix, right)[m])
+    except np.linalg.LinAlgError:
+        preload = math.inf
+    if not abs(preload) < STRONGEST:
+        raise ValueError("parameter 'pantograph_file': at rest no lift puts the head at its nominal height")
+    return p._replace(preload=preload)
 
 
 def equilibrium(p: Pantograph, lift: float, contact_stiffness: float, height: float = 0.0) -> Array:
