@@ -30,6 +30,8 @@ CONFIGURE_SECONDS = 180.0
 STALL_SECONDS = 20.0
 MOST_LISTENERS = 100
 """Listeners that the rig's parameter allows."""
+OVER_SECONDS = 5.0
+"""Time that the monitor has for what it has not booked yet when the rig has ended its ride."""
 RETRACT_SECONDS = 10.0
 DISCOVERY_SECONDS = 0.8
 """Time in which a neighbour on the same machine or network is seen."""
@@ -152,10 +154,11 @@ class Ride:
                 display.show(watch)
                 self._raise_errors()
                 self._name_strangers()
-                if time.monotonic() - watch.moved > STALL_SECONDS:
+                patience = OVER_SECONDS if watch.over else STALL_SECONDS
+                if time.monotonic() - watch.moved > patience:
                     if watch.cycle == last:
                         break  # all cycles were ridden; what the monitor still lacks, the report will say
-                    text = f"no cycle for {STALL_SECONDS:g} s, the last one was {watch.cycle}"
+                    text = f"no cycle for {patience:g} s, the last one was {watch.cycle}"
                     raise RideError(f"{text}: {watch.reasons}" if watch.reasons else text)
             display.show(watch)
         self.seconds = watch.moved - (watch.started or watch.moved)

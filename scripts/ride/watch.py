@@ -42,8 +42,8 @@ class Said:
 class Watch:
     """Latest figures of the running ride; ``started`` and ``moved`` are on the monotonic clock in s.
 
-    /diagnostics belongs to everybody: a status is of this ride only if it carries the name of one of its nodes and the
-    number of the process that was started as that node.
+    /diagnostics belongs to everybody: a status is of this ride only if it carries the name of one of its nodes, as name
+    and as hardware_id, and the number of the process that was started as that node.
     """
 
     def __init__(self, node: Node, cycle_time: float, processes: Mapping[str, int], last: int | None = None) -> None:
@@ -76,6 +76,11 @@ class Watch:
         """Tell whether the rig rests after a soft landing."""
         values = self.said[RIG].values if RIG in self.said else {}
         return all(values.get(key) == value for key, value in RESTING.items())
+
+    @property
+    def over(self) -> bool:
+        """Tell whether the rig has ended its ride, however: no cycle will come any more."""
+        return RIG in self.said and self.said[RIG].values.get("phase") == "ended"
 
     def retracts(self, name: str) -> bool:
         """Tell whether that node is a rig that is on its way to its safe position."""
@@ -129,8 +134,8 @@ class Watch:
     def _take_diagnostics(self, message: Any) -> None:
         for status in message.status:
             name, process = self._ours.get(status.hardware_id, ("", ""))
-            if not name:
-                continue
+            if status.name != f"{status.hardware_id}: cycle" or not name:
+                continue  # another device, or an aggregator: what ours said, under a name and a level of its own
             said = Said(status.level, status.message, {entry.key: entry.value for entry in status.values})
             if said.values.get("process") != process:
                 continue  # somebody else's node of that name, or one of an earlier ride

@@ -33,10 +33,10 @@ def watch(node: Any) -> Watch:
     return Watch(node, 0.002, PROCESSES, 499)
 
 
-def say(watch: Watch, level: bytes, hardware: str, message: str, **values: str) -> None:
+def say(watch: Watch, level: bytes, hardware: str, message: str, before: str = "", **values: str) -> None:
     pairs = [KeyValue(key=key.replace("_", " "), value=value) for key, value in values.items()]
     status = DiagnosticStatus(
-        level=level, name=f"{hardware}: cycle", hardware_id=hardware, message=message, values=pairs
+        level=level, name=f"{before}{hardware}: cycle", hardware_id=hardware, message=message, values=pairs
     )
     watch._take_diagnostics(DiagnosticArray(status=[status]))
 
@@ -57,6 +57,19 @@ def test_others_end_no_ride(watch: Watch, hardware: str, process: str) -> None:
     say(watch, WARN, hardware, "hot", process=process)
     assert not watch.landed and not watch.retracts("test_rig_sim")
     assert (watch.errors, watch.warnings, watch.reasons) == ({}, {}, "")
+
+
+def test_an_aggregator_does_not_speak_for_our_nodes(watch: Watch) -> None:
+    """It says again what they said, under a name and a level of its own."""
+    say(watch, ERROR, "/test_rig_sim", "stale", before="/rigs", process="11", mode="stopped", outcome="landed")
+    assert (watch.errors, watch.said, watch.landed) == ({}, {}, False)
+
+
+def test_a_ride_is_over_when_the_rig_says_so(watch: Watch) -> None:
+    for phase, over in (("waiting for a command", False), ("ticking", False), ("ended", True)):
+        say(watch, OK, "/impedance_mpc", "active", process="12", phase="ended")
+        say(watch, OK, "/test_rig_sim", "stopped, ended", process="11", phase=phase)
+        assert watch.over is over
 
 
 def test_the_state_of_our_nodes_is_in_keys(watch: Watch) -> None:
