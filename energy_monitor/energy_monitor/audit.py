@@ -10,11 +10,12 @@ from energy_monitor.agreement import Agreement, Entry, SampleTrace, Tolerance
 from energy_monitor.books import CATENARY as OF_CATENARY
 from energy_monitor.books import FOLLOWING, Books, Meters
 from energy_monitor.contact_quality import ContactQuality
-from energy_monitor.cycles import Arrival, CycleMatcher, JumpFilter
+from energy_monitor.cycles import AHEAD, Arrival, CycleMatcher, JumpFilter
 from energy_monitor.parameters import Parameters
 
 RIG, COMMAND, CATENARY = 0, 1, 2
 STREAMS = ("rig", "command", "catenary")
+REFUSED = ("state {} of the rig", "command {}", "state {} of the catenary")
 
 HEARTBEAT = 0.1
 """s, how often the monitor is told the time at least while it runs."""
@@ -59,8 +60,9 @@ class CatenarySample(NamedTuple):
 class Audit:
     """State of the monitor; messages go in with their cycle number, complete cycles come out in order."""
 
-    def __init__(self, parameters: Parameters) -> None:
-        """Design the filter and open empty books."""
+    def __init__(self, parameters: Parameters, objects: Callable[[str], object] = str) -> None:
+        """Design the filter and open empty books; ``objects`` is told why a message is refused."""
+        self._objects = objects
         contact = parameters.contact
         self.matcher: CycleMatcher[Any] = CycleMatcher(STREAMS, parameters.window)
         self.books = Books(parameters.cycle_time)
@@ -136,8 +138,9 @@ class Audit:
                 self._entries_begun.append(entry)
             return
         # Its topic may be read before the others: it is held against itself, too.
-        if not self._jumps_of_books.believes(entry.cycle, max(self.matcher.expected, self._newest_entry + 1)):
-            self.refused += 1
+        expected = max(self.matcher.expected, self._newest_entry + 1)
+        if not self._jumps_of_books.believes(entry.cycle, expected):
+            self._refuse("the controller's entry {}", entry.cycle, expected)
             return
         self._newest_entry = max(self._newest_entry, entry.cycle)
         self.agreement.theirs(entry)
@@ -249,8 +252,12 @@ class Audit:
     def _believes(self, stream: int, cycle: int) -> bool:
         if self._jumps[stream].believes(cycle, self.matcher.expected):
             return True
-        self.refused += 1
+        self._refuse(REFUSED[stream], cycle, self.matcher.expected)
         return False
+
+    def _refuse(self, what: str, cycle: int, expected: int) -> None:
+        self.refused += 1
+        self._objects(f"{what.format(cycle)} was refused: more than {AHEAD} cycles ahead of {expected}")
 
 
 def tolerance_of(parameters: Parameters) -> Tolerance:

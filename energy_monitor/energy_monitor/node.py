@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import phil_node.before_rclpy  # noqa: F401  # isort: skip
 
+from collections.abc import Sequence
 from time import monotonic
 from typing import Any
 
@@ -17,7 +18,7 @@ from energy_monitor.audit import HEARTBEAT, Audit, CatenarySample, CommandSample
 from energy_monitor.limits import chosen, evaluate, verdict
 from energy_monitor.parameters import Parameters
 from phil_node.base import Diagnosis, PhilNode, leave, run
-from phil_node.guard import finite
+from phil_node.guard import finite, objection
 from phil_node.qos import CYCLE, CYCLE_KEPT
 
 
@@ -29,6 +30,11 @@ def _deep(profile: QoSProfile) -> QoSProfile:
 
 
 DEEP, DEEP_KEPT = _deep(CYCLE), _deep(CYCLE_KEPT)
+RIG_NUMBERS = ("w_tr", "v_tr", "f_tr", "work", "impulse")
+COMMAND_NUMBERS = ("f_tr", "f_predicted", "f_cor", "f_cat")
+CATENARY_NUMBERS = ("w_cat", "speed", "v_cat", "f_cat", "work", "impulse")
+METERS = ("work_tr", "work_cat", "impulse_tr", "impulse_cat")
+BOOK_NUMBERS = ("delta_e", "delta_p", "delta_work", *METERS, "exchanged_energy", "exchanged_momentum")
 
 
 class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
@@ -48,7 +54,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         """
         parameters = self.parameters
         self._standard = chosen(parameters.limits.file, parameters.limits.standard)
-        self._audit = Audit(parameters)
+        self._audit = Audit(parameters, self.timing.refuse)
         self._quality_message = ContactQuality()
         self._books_message = ConservedQuantities()
         self._quality_message.header.frame_id = self._books_message.header.frame_id = "rig"
@@ -82,13 +88,17 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         """Take a new tolerance."""
         self._audit.agreement.tolerance = tolerance_of(self.parameters)
 
+    def stuck(self) -> bool:
+        """Never: who only listens ends no ride."""
+        return False
+
     def diagnose(self) -> Diagnosis:
         """Report completeness, age, agreement, contact and what the rig counted."""
         audit, now = self._audit, monotonic()
         matcher, agreement, books = audit.matcher, audit.agreement, audit.books
         complaints = audit.complaints(now, self.parameters.age_limit)
         if audit.refused:
-            complaints.append("messages were refused: NaN, infinity or a cycle number far ahead")
+            complaints += self.timing.refusals
         statistics = audit.quality.statistics
         checks = evaluate(self._standard, statistics, self._speed * 3.6)
         kept = verdict(checks)
@@ -141,7 +151,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         self.timing.begin()
         f_tr, v_tr, work, impulse = message.f_tr, message.v_tr, message.work, message.impulse
         if not finite(message.w_tr, f_tr, v_tr, work, impulse):
-            self._refuse()
+            self._refuse("state {} of the rig", message, RIG_NUMBERS)
             return
         cycle, last = message.cycle, message.last
         if self._audit.rig(cycle, RigSample(message.header, f_tr, v_tr, work, impulse, message.mode), last):
@@ -154,7 +164,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         self.timing.begin()
         forces = message.f_tr, message.f_predicted, message.f_cor, message.f_cat
         if not finite(*forces):
-            self._refuse()
+            self._refuse("command {}", message, COMMAND_NUMBERS)
             return
         self._audit.command(message.cycle, CommandSample(*forces, message.environment))
         self._settle()
@@ -168,7 +178,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
             return
         self.timing.begin()
         if not valid:
-            self._refuse()
+            self._refuse("state {} of the catenary", message, CATENARY_NUMBERS)
             return
         if self._audit.catenary(message.cycle, CatenarySample(*shown)):
             self._speed = message.speed
@@ -178,16 +188,17 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         meters = message.work_tr, message.work_cat, message.impulse_tr, message.impulse_cat
         exchanged = message.exchanged_energy, message.exchanged_momentum
         if not finite(message.delta_e, message.delta_p, message.delta_work, *meters, *exchanged):
-            self._refuse()
+            self._refuse("the controller's entry {}", message, BOOK_NUMBERS)
             return
         delta_impulse = message.impulse_tr - message.impulse_cat
         self._audit.believed(
             Entry(message.cycle, message.delta_e, message.delta_p, message.delta_work, delta_impulse, *exchanged)
         )
 
-    def _refuse(self) -> None:
+    def _refuse(self, what: str, message: Any, names: Sequence[str]) -> None:
         self._audit.refused += 1
         self.timing.refused = self._audit.refused
+        self.timing.refuse(f"{what.format(message.cycle)} was refused: {objection(message, names)}")
 
     def _settle(self) -> None:
         audit, timing = self._audit, self.timing

@@ -28,7 +28,7 @@ class Wired(MonitorNode):
     def __init__(self):
         self.__dict__["timing"] = Timing()
         self.__dict__["parameters"] = build(Parameters, defaults("energy_monitor"))
-        self._audit = Audit(self.parameters)
+        self._audit = Audit(self.parameters, self.timing.refuse)
         self._initial = None
         self._books = []
         self._clear()
@@ -72,12 +72,31 @@ def test_what_is_not_finite_is_refused_and_leaves_its_place_free(callback, kind,
     assert node._audit.matcher.complete == 6
     assert node._audit.matcher.duplicates == 0
     assert node._audit.refused == node.timing.refused == 1
+    (said,) = node.timing.refusals
+    assert f" {at} " in f"{said} " and said.endswith(f" was refused: {next(iter(values))} is not finite")
     assert node._audit.trace.broken == 0
     # Five of six cycles: the rig does not follow in cycle 0.
     assert node._audit.books.e_tr == pytest.approx(5 * 0.002 * 100.0 * 0.1, rel=1e-12)
     assert node._audit.books.e_cat == pytest.approx(5 * 0.002 * 99.0 * 0.1, rel=1e-12)
     assert node._audit.books.accumulated == (5 * 0.75, 5 * 0.5, 5 * 0.125, 5 * 0.25)
     assert node._initial.v_cat == 0.1  # the refused initial state is not kept for the next ride
+
+
+def test_a_message_far_ahead_is_refused_with_the_limit_and_ends_no_ride():
+    node = Wired()
+    cycle(node, 0)
+    for k in (5000, 9000):
+        cycle(node, k)
+        node._on_believed(ConservedQuantities(cycle=k))
+    assert node.timing.refusals == [
+        "state 5000 of the catenary was refused: more than 1000 cycles ahead of 1",
+        "state 5000 of the rig was refused: more than 1000 cycles ahead of 1",
+        "command 5000 was refused: more than 1000 cycles ahead of 1",
+        "the controller's entry 5000 was refused: more than 1000 cycles ahead of 1",
+    ]
+    node.timing._ended -= 2 * 10**11  # that long ago
+    node.timing._refused_since -= 10**11
+    assert node.timing.stuck and not node.stuck()
 
 
 def test_the_controller_s_books_are_held_against_both_of_the_monitor():
