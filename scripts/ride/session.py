@@ -31,7 +31,7 @@ STALL_SECONDS = 20.0
 MOST_LISTENERS = 100
 """Listeners that the rig's parameter allows."""
 OVER_SECONDS = 5.0
-"""Time that the monitor has for what it has not booked yet when the rig has ended its ride."""
+"""Time without a message of a cycle after which a ride whose rig has ended it is over, whatever was not booked."""
 RETRACT_SECONDS = 10.0
 DISCOVERY_SECONDS = 0.8
 """Time in which a neighbour on the same machine or network is seen."""
@@ -147,7 +147,7 @@ class Ride:
         for managed in self._managed.values():
             managed.go(ACTIVATE, START_SECONDS)
         watch = self.watch
-        watch.moved = time.monotonic()
+        watch.moved = watch.heard = time.monotonic()
         with Display(self._console, duration) as display:
             while not (watch.through() or watch.landed):
                 self._spin()
@@ -155,7 +155,7 @@ class Ride:
                 self._raise_errors()
                 self._name_strangers()
                 patience = OVER_SECONDS if watch.over else STALL_SECONDS
-                if time.monotonic() - watch.moved > patience:
+                if time.monotonic() - watch.heard > patience:
                     if watch.cycle == last:
                         break  # all cycles were ridden; what the monitor still lacks, the report will say
                     text = f"no cycle for {patience:g} s, the last one was {watch.cycle}"

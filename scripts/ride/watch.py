@@ -17,17 +17,21 @@ from phil_node.qos import CYCLE
 from phil_node.timing import REASON
 
 RIG = "test_rig_sim"
+MONITOR = "energy_monitor"
+AWAKE = 2.5
+"""Time in s for which a node that spoke on /diagnostics, as it does each second, counts as one that runs."""
 RESTING = {"mode": "stopped", "outcome": "landed"}
 """What the rig's status says after a soft landing, with which a ride ends before or after its duration."""
 
 
 @dataclass
 class Said:
-    """What a node of the ride said last on /diagnostics."""
+    """What a node of the ride said last on /diagnostics, and when, on the monotonic clock in s."""
 
     level: bytes
     message: str
     values: dict[str, str] = field(default_factory=dict)
+    at: float = field(default_factory=time.monotonic)
 
     def __str__(self) -> str:
         """Give its sentence, with the number of times behind what happened more than once."""
@@ -40,7 +44,9 @@ class Said:
 
 
 class Watch:
-    """Latest figures of the running ride; ``started`` and ``moved`` are on the monotonic clock in s.
+    """Latest figures of the running ride; ``started``, ``moved`` and ``heard`` are on the monotonic clock in s.
+
+    The ride ``moved`` when a cycle came that none had come to, and was ``heard`` of also when a node caught up.
 
     /diagnostics belongs to everybody: a status is of this ride only if it carries the name of one of its nodes, as name
     and as hardware_id, and the number of the process that was started as that node.
@@ -58,7 +64,7 @@ class Watch:
         self.errors: dict[str, str] = {}
         self.warnings: dict[str, str] = {}
         self.cycle = -1
-        self.moved = time.monotonic()
+        self.moved = self.heard = time.monotonic()
         self.started: float | None = None
         self._cycle_time = cycle_time
         node.create_subscription(ContactQuality, "energy_monitor/contact_quality", self._take_quality, CYCLE)
@@ -79,8 +85,10 @@ class Watch:
 
     @property
     def over(self) -> bool:
-        """Tell whether the rig has ended its ride, however: no cycle will come any more."""
-        return RIG in self.said and self.said[RIG].values.get("phase") == "ended"
+        """Tell whether no cycle will come any more: the rig has ended its ride, and the monitor is not held up."""
+        rig, monitor = self.said.get(RIG), self.said.get(MONITOR)
+        awake = monitor is not None and time.monotonic() - monitor.at < AWAKE
+        return awake and rig is not None and rig.values.get("phase") == "ended"
 
     def retracts(self, name: str) -> bool:
         """Tell whether that node is a rig that is on its way to its safe position."""
@@ -110,9 +118,10 @@ class Watch:
         return self._last is None or cycle <= self._last
 
     def _move_to(self, cycle: int) -> None:
+        self.heard = time.monotonic()
         if cycle > self.cycle:
             self.cycle = cycle
-            self.moved = time.monotonic()
+            self.moved = self.heard
             if self.started is None:
                 self.started = self.moved
 

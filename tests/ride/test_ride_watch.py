@@ -13,9 +13,9 @@ pytest.importorskip("phil_interfaces", reason="the interfaces are not built, or 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue  # noqa: E402
 from phil_interfaces.msg import ConservedQuantities, CycleTiming  # noqa: E402
 
-from ride.watch import Watch  # noqa: E402
+from ride.watch import AWAKE, Watch  # noqa: E402
 
-PROCESSES = {"test_rig_sim": 11, "impedance_mpc": 12}
+PROCESSES = {"test_rig_sim": 11, "impedance_mpc": 12, "energy_monitor": 13}
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -65,11 +65,20 @@ def test_an_aggregator_does_not_speak_for_our_nodes(watch: Watch) -> None:
     assert (watch.errors, watch.said, watch.landed) == ({}, {}, False)
 
 
-def test_a_ride_is_over_when_the_rig_says_so(watch: Watch) -> None:
+def test_a_ride_is_over_when_the_rig_says_so_and_the_monitor_is_not_held_up(watch: Watch) -> None:
+    say(watch, OK, "/energy_monitor", "active", process="13", phase="ended")
     for phase, over in (("waiting for a command", False), ("ticking", False), ("ended", True)):
-        say(watch, OK, "/impedance_mpc", "active", process="12", phase="ended")
         say(watch, OK, "/test_rig_sim", "stopped, ended", process="11", phase=phase)
         assert watch.over is over
+    watch.said["energy_monitor"].at -= AWAKE
+    assert not watch.over
+
+
+def test_a_monitor_that_catches_up_is_heard(watch: Watch) -> None:
+    watch._take_timing(CycleTiming(cycle=499))
+    watch.moved = watch.heard = 0.0
+    watch._take_books(ConservedQuantities(cycle=100))
+    assert watch.moved == 0.0 < watch.heard
 
 
 def test_the_state_of_our_nodes_is_in_keys(watch: Watch) -> None:
