@@ -104,6 +104,7 @@ def analyse(
     if others:
         named = ", ".join(others[:5]) + (f" and {len(others) - 5} more" if len(others) > 5 else "")
         notes.append(f"Others than the ride's nodes warned on /diagnostics, not counted: {named}.")
+    notes += nodes.several_processes(bag, aligned)
     return Report(
         ride=_ride(bag, aligned, ts, speed, series, wall),
         verdicts=judge(

@@ -130,6 +130,7 @@ class Diagnostic:
 class Bag:
     """A bag in memory: a table a topic, the diagnostics, `speakers` on that topic, and how whole the recording is.
 
+    `speakers` has the numbers of the processes that spoke under each hardware_id, "" for one that gives none.
     `complete` is false when a file was cut off, damaged or missing. `notes` says what is to be said of it, `left_out`
     how many messages of a topic are not in its table, by reason. `rides_of_files` names the files of each ride where
     nothing but time and cycle numbers tells which files belong together.
@@ -144,7 +145,7 @@ class Bag:
     notes: list[str] = field(default_factory=list)
     left_out: dict[tuple[str, str], int] = field(default_factory=dict)
     rides_of_files: list[FileRide] = field(default_factory=list)
-    speakers: set[str] = field(default_factory=set)
+    speakers: dict[str, set[str]] = field(default_factory=dict)
 
     def table(self, name: str, msgtype: str) -> Table:
         """Return the table whose topic ends in `name`, or else the only one of this message type.
@@ -223,7 +224,7 @@ class _Reading:
         self._parts: dict[tuple[Path, Channel], Part] = {}
         self._stores: dict[Channel, Typestore | None] = {}
         self.diagnostics: list[Diagnostic] = []
-        self.speakers: set[str] = set()
+        self.speakers: dict[str, set[str]] = {}
 
     def read(self) -> None:
         """Read every file; one that is no bag is left out where others are."""
@@ -345,7 +346,7 @@ def _typestore(channel: Channel) -> Typestore:
     return store
 
 
-def _statuses(store: Typestore, log_time: int, payload: bytes, speakers: set[str]) -> list[Diagnostic]:
+def _statuses(store: Typestore, log_time: int, payload: bytes, speakers: dict[str, set[str]]) -> list[Diagnostic]:
     """Deserialise a DiagnosticArray; a status of level OK is of no interest to a report."""
     message = store.deserialize_cdr(payload, _DIAGNOSTICS)
     found = []
@@ -355,7 +356,7 @@ def _statuses(store: Typestore, log_time: int, payload: bytes, speakers: set[str
     for status in statuses:
         level = int(status.level[0]) if isinstance(status.level, bytes) else int(status.level)
         values = {entry.key: entry.value for entry in status.values}
-        speakers.add(status.hardware_id)
+        speakers.setdefault(status.hardware_id, set()).add(values.get("process", ""))
         if level > 0:
             found.append(Diagnostic(log_time, level, status.name, status.message, values, status.hardware_id, at))
     return found

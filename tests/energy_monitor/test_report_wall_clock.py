@@ -126,18 +126,26 @@ def test_only_the_nodes_of_the_ride_are_listed(bag: Bag) -> None:
         status("/rig_b/test_rig_sim: cycle", "/rig_b/test_rig_sim", "hot", 0.5, log),
         status("cpu_monitor: temperature", "nuc7", "CPU at 96 C", 0.5, log),
     ]
-    report = report_of(replace(bag, diagnostics=spoken, speakers={entry.hardware for entry in spoken}))
+    report = report_of(replace(bag, diagnostics=spoken, speakers={entry.hardware: {"7"} for entry in spoken}))
     (warned,) = report.warnings
     assert (warned.message, warned.count, warned.first, warned.last) == ("99 commands late", 2, 0.5, 1.5)
     (note,) = [note for note in report.notes if "Others" in note]
     assert "cpu_monitor: temperature (nuc7)" in note and "/rig_b/test_rig_sim" in note
 
 
+def test_who_speaks_in_the_name_of_a_node_is_said(bag: Bag) -> None:
+    """As a bag of an earlier ride does that is played meanwhile."""
+    one, two = {"/test_rig_sim": {"7"}}, {"/test_rig_sim": {"7", "11"}, "/rig_b/test_rig_sim": {"8", "9"}}
+    assert not [note for note in report_of(replace(bag, speakers=one)).notes if "processes" in note]
+    (note,) = [note for note in report_of(replace(bag, speakers=two)).notes if "processes" in note]
+    assert note.startswith("2 processes said to be /test_rig_sim on /diagnostics")
+
+
 def test_bags_of_before_have_plain_names_and_wall_stamps(bag: Bag) -> None:
     """Their warnings are ours, and timed by the log as long as its clock was left alone."""
     log = int(rig_of(bag).log_time[500])
     spoken = [status("test_rig_sim: cycle", "test_rig_sim", "late", 1.7e9, log)]
-    old = replace(bag, diagnostics=spoken, speakers={"test_rig_sim"})
+    old = replace(bag, diagnostics=spoken, speakers={"test_rig_sim": {""}})
     (warned,) = report_of(old).warnings
     assert warned.first == pytest.approx(1.0)
     (warned,) = report_of(jump(old, 700, -100.0)).warnings

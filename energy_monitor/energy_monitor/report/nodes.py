@@ -178,15 +178,29 @@ def warnings(bag: Bag, aligned: Aligned, ts: float, jumped: bool) -> tuple[list[
     return list(found.values()), list(others)
 
 
+def several_processes(bag: Bag, aligned: Aligned) -> list[str]:
+    """Say which of the ride's nodes more than one process claimed to be on /diagnostics: a bag that was played, say."""
+    found = {name: bag.speakers.get(name, set()) for name in sorted(_full_names(aligned))}
+    return [
+        f"{len(processes)} processes said to be {name} on /diagnostics: not all its warnings need be of this ride."
+        for name, processes in found.items()
+        if len(processes) > 1
+    ]
+
+
+def _full_names(aligned: Aligned) -> set[str]:
+    topic = "/" + aligned.rig.topic.strip("/")
+    prefix = topic[: -len(RIG_STATE)] if topic.endswith(f"/{RIG_STATE}") else "/"
+    return {prefix + node for node in NODES}
+
+
 def _ours(bag: Bag, aligned: Aligned) -> Callable[[Diagnostic], bool]:
     """Tell the ride's own nodes from all others on /diagnostics: by their full names.
 
     In bags of before they gave these it is the plain ones.
     """
-    topic = "/" + aligned.rig.topic.strip("/")
-    prefix = topic[: -len(RIG_STATE)] if topic.endswith(f"/{RIG_STATE}") else "/"
-    full = {prefix + node for node in NODES}
-    known = full if full & bag.speakers else full | set(NODES)
+    full = _full_names(aligned)
+    known = full if full & bag.speakers.keys() else full | set(NODES)
 
     def ours(entry: Diagnostic) -> bool:
         name = entry.name.split(":")[0]
