@@ -32,7 +32,7 @@ from energy_monitor.report.results import (
     Tracking,
 )
 from energy_monitor.report.verdicts import Limits, judge
-from energy_monitor.report.wall_clock import WallTime, wall_time
+from energy_monitor.report.wall_clock import WallTime, leap_of_stamps, wall_time
 
 Floats = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def analyse(
     )
     wall = wall_time(bag, aligned.rig)
     warned, others = nodes.warnings(bag, aligned, ts, wall.jumped)
-    notes += [wall.note] if wall.jumped else []
+    notes += [note for note in (wall.note, leap_of_stamps(aligned.rig)) if note]
     if others:
         named = ", ".join(others[:5]) + (f" and {len(others) - 5} more" if len(others) > 5 else "")
         notes.append(f"Others than the ride's nodes warned on /diagnostics, not counted: {named}.")

@@ -15,7 +15,7 @@ from energy_monitor.analysis import Settings, analyse
 from energy_monitor.bag import Bag, Diagnostic, read_bag
 from energy_monitor.report.results import Report
 from energy_monitor.report.verdicts import read_limits
-from energy_monitor.report.wall_clock import wall_time
+from energy_monitor.report.wall_clock import leap_of_stamps, wall_time
 
 CYCLES = 1000
 Change = Callable[[np.ndarray], np.ndarray]
@@ -150,3 +150,15 @@ def test_bags_of_before_have_plain_names_and_wall_stamps(bag: Bag) -> None:
     assert warned.first == pytest.approx(1.0)
     (warned,) = report_of(jump(old, 700, -100.0)).warnings
     assert np.isnan(warned.first)
+
+
+@pytest.mark.parametrize("begin", [0, 1_700_000_000])
+@pytest.mark.parametrize("leap", [-1000, 1000])
+def test_stamps_that_leap_are_the_rig_s_and_no_jump_of_the_clock(bag: Bag, begin: int, leap: int) -> None:
+    rig = rig_of(bag)
+    seconds = rig["header.stamp.sec"].astype(np.int64) + begin + 2000
+    seconds[300:] += leap
+    wrong = replace(rig, columns={**rig.columns, "header.stamp.sec": seconds})
+    assert (wall_time(bag, wrong), leap_of_stamps(rig)) == (wall_time(bag, rig), "")
+    way = "back" if leap < 0 else "forth"
+    assert leap_of_stamps(wrong).startswith(f"The stamps of the rig's states leap {way} by 1000 s at cycle 300:")

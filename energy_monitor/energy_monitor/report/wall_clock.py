@@ -70,6 +70,26 @@ def wall_time(bag: Bag, rig: Table) -> WallTime:
     return WallTime(seconds, note + "its ratio to simulated time is left out.")
 
 
+def leap_of_stamps(rig: Table) -> str:
+    """Say where the states' stamps leap though their log times do not: the rig's stamps are wrong there; empty if none.
+
+    Nothing but times by stamp depends on them.
+    """
+    found = np.flatnonzero(_leaps(rig))
+    if not found.size:
+        return ""
+    at, cycle = stamps(rig), rig["cycle"]
+    jump, first = float(at[found[0] + 1] - at[found[0]]) * 1e-9, cycle[found[0] + 1]
+    more = f", and in {found.size - 1} cycles after it" if found.size > 1 else ""
+    way = "back" if jump < 0.0 else "forth"
+    return f"The stamps of the rig's states leap {way} by {abs(jump):.4g} s at cycle {first}{more}: log times do not."
+
+
+def _leaps(rig: Table) -> NDArray[np.bool_]:
+    step, log = np.diff(stamps(rig)) * 1e-9, np.diff(rig.log_time) * 1e-9
+    return np.asarray((np.abs(step) > DRIFT) & (np.abs(step - log) > 0.5 * np.abs(step)))
+
+
 def _said(jump: float, cycle: int | None = None) -> str:
     where = "" if cycle is None else f" at cycle {cycle}"
     return f"set {'back' if jump < 0.0 else 'forth'} by {abs(jump):.4g} s{where}"
@@ -104,6 +124,6 @@ def _drift(rig: Table) -> float:
     at = stamps(rig)
     late = (rig.log_time - at) * 1e-9
     quarter = len(late) // 4
-    if quarter < 1 or at.min() < WALL * 1_000_000_000:
+    if quarter < 1 or at.min() < WALL * 1_000_000_000 or _leaps(rig).any():
         return 0.0
     return float(late[-quarter:].min() - late[:quarter].min())
