@@ -138,7 +138,7 @@ def test_ride_waits_for_every_listener_that_the_graph_knows(ride: Any) -> None:
     found.spin(spins=10**6, until=after(0.8))  # longer than it waits once all are matched
     assert found.rig._state_out.get_subscription_count() == 1
     assert found.rig._phase == WAITING
-    assert found.rig.diagnose().values["listeners"] == "1 matched of 2"
+    assert found.rig.diagnose().values["listeners"] == "1 matched of 2, 1 wanted"
     del found.rig.count_subscribers
     found.spin()
     assert len(found.states) == CYCLES
