@@ -18,6 +18,7 @@ from catenary_model.boundary.springs import Spring, frozen
 from catenary_model.boundary.stability import Stepper, growth_per_period, spectral_radius
 from catenary_model.line import CARRIER_3_1, CONTACT_3_1, Line
 from catenary_model.moving_frame import CARRIER, CONTACT, Mesh, MovingFrame, assemble
+from catenary_model.sources import digest
 
 FAST = 320.0 / 3.6
 BAND = np.arange(0.5, 30.1, 0.5)
@@ -181,9 +182,50 @@ def test_designs_are_kept_and_broken_files_made_anew(tmp_path: Path, monkeypatch
         assert len(calls) == 1
         assert file.read_bytes() != broken
     assert not list(cache.folder().glob("*.tmp"))
-    monkeypatch.setattr(cache, "VERSION", cache.VERSION + 1)
-    cache.cached("test", {"h": 1.0, "kind": "x"}, compute)
-    assert len(calls) == 2
+
+
+def test_a_design_of_other_sources_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PHIL_CACHE", str(tmp_path / "kept"))
+    source = tmp_path / "design.py"
+    source.write_text("EFFORT = 1\n")
+    monkeypatch.setattr(cache, "SOURCES", (source,))
+
+    def made(value: float) -> float:
+        digest.cache_clear()  # as in another process
+        return float(cache.cached("test", {"h": 1.0}, lambda: {"a": np.array(value)})["a"])
+
+    assert (made(1.0), made(2.0)) == (1.0, 1.0)
+    source.write_text("EFFORT = 2\n")
+    assert (made(3.0), made(4.0)) == (3.0, 3.0)
+    digest.cache_clear()
+
+
+@pytest.mark.parametrize(("place", "byte"), [(6, 0xFF), (8, 0x01), (10, 0x63)])
+def test_an_archive_that_asks_for_what_is_not_known_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: int, byte: int
+) -> None:
+    # In the archive's directory: a version, a password, a compression of another world.
+    monkeypatch.setenv("PHIL_CACHE", str(tmp_path))
+    first = cache.cached("test", {"h": 1.0}, lambda: {"a": np.ones(2)})
+    (file,) = tmp_path.glob("*.npz")
+    content = bytearray(file.read_bytes())
+    at = content.index(b"PK\x01\x02")
+    while at >= 0:
+        content[at + place] = byte
+        at = content.find(b"PK\x01\x02", at + 1)
+    file.write_bytes(content)
+    again = cache.cached("test", {"h": 1.0}, lambda: {"a": np.zeros(2)})
+    assert (first["a"].sum(), again["a"].sum()) == (2.0, 0.0)
+
+
+def test_without_a_home_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("PHIL_CACHE")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", homeless)
+    assert cache.cached("test", {"h": 1.0}, lambda: {"a": np.ones(2)})["a"].sum() == 2.0
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,20 +13,21 @@ import numpy as np
 from catenary_model.absorbing.design import DEMANDS, SWEEP, Demands, Design, Sweep, design, design_pair, read_design
 from catenary_model.absorbing.stencil import Stencil
 from catenary_model.absorbing.weighting import Weighting
+from catenary_model.sources import digest, user_cache
 
-VERSION = 1
-"""Part of every key; to be raised when the same inputs give another design."""
+SOURCES = (Path(__file__).parent,)
+"""Code that makes a design what it is; a digest of it is part of every key."""
 
 
 def default_folder() -> Path:
     """Folder of the user's cache: $XDG_CACHE_HOME or ~/.cache, and below it `absorbing_boundaries`."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "absorbing_boundaries"
+    return user_cache() / "absorbing_boundaries"
 
 
 def key(stencil: Stencil, *inputs: Any) -> str:
     """Hash of everything that a design depends on; numbers count to 12 digits, so that rounding does not matter."""
     numbers = [*stencil.offsets.ravel().tolist(), *_rounded(stencil.coefficients), *_rounded((*stencil.dx, stencil.dt))]
-    text = json.dumps([VERSION, numbers, *inputs])
+    text = json.dumps([digest(*SOURCES), numbers, *inputs])
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 

@@ -1,8 +1,8 @@
 """Designs on disk, found by what they were designed for.
 
 They lie in $PHIL_CACHE, else in $XDG_CACHE_HOME/phil-catenary, else in ~/.cache/phil-catenary, one .npz a design. A
-file that cannot be read, or that was made for something else, is made anew; a folder that cannot be written is no
-error, the design is only slower the next time.
+file that cannot be read, or that was made for something else or by other sources, is made anew; a folder that cannot
+be written is no error, the design is only slower the next time.
 """
 
 from __future__ import annotations
@@ -12,32 +12,33 @@ import hashlib
 import json
 import os
 import tempfile
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary_model.sources import digest, user_cache
+
 Array = NDArray[np.float64]
 
-VERSION = 1
-"""Raise it whenever a design comes out differently for the same parameters."""
+_BOUNDARY = Path(__file__).parents[1]
+SOURCES = (_BOUNDARY, _BOUNDARY.parent / "moving_frame.py")
+"""Code that makes a design what it is: what it made before it was changed is not taken any more."""
 
 
 def folder() -> Path:
     """Return where designs are kept; it need not exist."""
     if given := os.environ.get("PHIL_CACHE"):
         return Path(given)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "phil-catenary"
+    return user_cache() / "phil-catenary"
 
 
 def cached(
     what: str, parameters: Mapping[str, float | str], compute: Callable[[], dict[str, Array]]
 ) -> dict[str, Array]:
     """Return what `compute` returns for these parameters, from disk if it is there."""
-    key = json.dumps({"version": VERSION, "what": what, **parameters}, sort_keys=True)
+    key = json.dumps({"sources": digest(*SOURCES), "what": what, **parameters}, sort_keys=True)
     path = folder() / f"{what}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
     stored = _read(path, key)
     if stored is None:
@@ -51,10 +52,11 @@ def _read(path: Path, key: str) -> dict[str, Array] | None:
     try:
         with np.load(path, allow_pickle=False) as file:
             stored = {name: np.asarray(file[name]) for name in file.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error):
+    except Exception:  # whatever a damaged archive raises (NotImplementedError, RuntimeError, ...): it is made anew
         return None
-    made_for = stored.pop("key", None)
-    return stored if made_for is not None and str(made_for) == key else None
+    made_for, names = stored.pop("key", None), stored.pop("names", None)
+    whole = made_for is not None and str(made_for) == key and names is not None and set(names.tolist()) == set(stored)
+    return stored if whole else None
 
 
 def _write(path: Path, key: str, stored: dict[str, Array]) -> None:
@@ -63,7 +65,7 @@ def _write(path: Path, key: str, stored: dict[str, Array]) -> None:
     handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     try:
         with os.fdopen(handle, "wb") as file:
-            np.savez(file, key=np.array(key), **stored)  # type: ignore[arg-type]
+            np.savez(file, key=np.array(key), names=np.array(list(stored)), **stored)  # type: ignore[arg-type]
         Path(name).replace(path)
     except BaseException:
         Path(name).unlink(missing_ok=True)
