@@ -48,6 +48,15 @@ phil_check_system() {
     phil_fail "Python 3.10 to 3.13 is needed, $PHIL_PYTHON is $("$PHIL_PYTHON" -V 2>&1); set PHIL_PYTHON to another one"
 }
 
+# The message generator of ROS 2 splits paths at such characters; it would say so only after two minutes, and not clearly.
+phil_check_path() {
+  case "$PHIL_ROOT" in
+    *[[:space:]\;:\"\'\$\&\(\)\#\\]*)
+      phil_fail "the path '$PHIL_ROOT' has a space or one of ; : \" ' \$ & ( ) # \\, on which the build of ROS 2 messages fails: move the folder"
+      ;;
+  esac
+}
+
 # Group names of pyproject.toml that are installed for a purpose (run or test).
 phil_groups() {
   local groups=(build run)
@@ -166,6 +175,7 @@ phil_environment() {
     unset AMENT_PREFIX_PATH PYTHONPATH
   fi
   phil_check_system
+  phil_check_path
   # One set-up at a time: two scripts started together must not install into each other.
   exec 9>"$PHIL_ROOT/.phil-setup.lock"
   command -v flock >/dev/null && flock 9

@@ -92,3 +92,25 @@ def test_every_process_names_it_before_ros_is_loaded(module: str, tmp_path: Path
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and done.stderr.startswith("RMW_IMPLEMENTATION=rmw_other_cpp: ")
     assert not (tmp_path / "ride").exists()
+
+
+@pytest.mark.parametrize("folder", ["two words", "a;b", "cost$", "it's", "(copy)"])
+def test_a_path_that_messages_cannot_be_built_in_is_named_before_anything_is_installed(
+    tmp_path: Path, folder: str
+) -> None:
+    script = tmp_path / folder / "scripts/lib/environment.sh"
+    script.parent.mkdir(parents=True)
+    script.write_text((ROOT / "scripts/lib/environment.sh").read_text())
+    ended = subprocess.run(
+        ["bash", "-c", '. "$1" && phil_check_path', "bash", str(script)], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 3
+    assert ended.stderr.startswith(f"error: the path '{tmp_path / folder}' has a space or one of")
+    assert not (tmp_path / folder / ".venv").exists()
+
+
+def test_a_path_of_other_letters_is_none_of_them(tmp_path: Path) -> None:
+    script = tmp_path / "Prüfstand+1.2_a-b" / "environment.sh"
+    script.parent.mkdir(parents=True)
+    script.write_text((ROOT / "scripts/lib/environment.sh").read_text())
+    subprocess.run(["bash", "-c", '. "$1" && PHIL_ROOT="${1%/*}" phil_check_path', "bash", str(script)], check=True)
