@@ -105,3 +105,14 @@ def test_what_was_recorded_beside_a_ride_goes_with_it() -> None:
     assert bag_of_ride(bag, rides, 0).tables["/timing"]["cycle"].tolist() == [9, 299]
     assert bag_of_ride(bag, rides, 1).tables["/timing"]["cycle"].tolist() == [9]
     assert all(len(bag_of_ride(bag, rides, ride).tables["/model"]) == 1 for ride in (0, 1))
+
+
+def test_a_ride_that_was_recorded_twice_at_once_is_one_and_a_later_one_like_it_is_another() -> None:
+    delayed = [number for pair in zip(RIDE[90:], RIDE, strict=False) for number in pair]
+    rides = rides_of(stream([*RIDE[:90], *delayed, *RIDE[-90:]]))
+    assert [cycles(ride) for ride in rides] == [RIDE]
+    assert len(rides_of(stream([*RIDE, *RIDE]))) == 2
+
+
+def test_a_message_belongs_to_one_ride_at_most() -> None:
+    assert sum(len(ride) for ride in rides_of(stream(list(range(500))[::-1]))) <= 500

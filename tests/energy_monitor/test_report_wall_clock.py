@@ -73,6 +73,13 @@ def test_a_clock_that_was_set_is_noticed_and_does_not_count(
     assert found.seconds == pytest.approx(0.999, rel=0.01)
 
 
+def test_log_times_that_tell_nothing_are_not_taken_for_a_clock_that_was_set(bag: Bag) -> None:
+    for change in (np.zeros_like, lambda log: log // 10**10):
+        still = changed(bag, change)
+        found = wall_time(still, rig_of(still))
+        assert np.isnan(found.seconds) and "do not tell" in found.note and "clock" not in found.note
+
+
 def test_a_clock_that_was_not_set_is_not_complained_of(bag: Bag) -> None:
     found = wall_time(bag, rig_of(bag))
     assert (found.note, found.seconds) == ("", pytest.approx(0.999))

@@ -10,8 +10,18 @@ from numpy.typing import NDArray
 
 from energy_monitor.bag import Bag, BagError, Table
 from energy_monitor.bag_channel import left_out
+from energy_monitor.report.doubles import ranges, repeated, unique
 from energy_monitor.report.results import Stream
-from energy_monitor.report.rides import bag_of_ride, cycles_of, described, last_ride, paired, rides_of
+from energy_monitor.report.rides import (
+    SEVERAL,
+    STEP_BACK,
+    bag_of_ride,
+    cycles_of,
+    described,
+    last_ride,
+    paired,
+    rides_of,
+)
 from energy_monitor.topics import CATENARY_STATE, COMMAND, RIG_STATE
 
 __all__ = ["Aligned", "align", "completeness", "cycle_time", "last_ride", "ranges", "unique", "valid"]
@@ -73,8 +83,11 @@ def align(bag: Bag, whole: bool = False, ride: int | None = None) -> Aligned:
             f"The nodes were reset while the bag was recorded: it holds {len(rides)} rides ({described(rides)}). "
             f"{which} is analysed; --ride N chooses."
         )
-    counted = [completeness(table, len(rides) - 1) for table in rides[chosen]]
-    rig, *_ = tables = [unique(table) for table in rides[chosen]]
+    parts, beyond = _until_its_end(rides[chosen])
+    notes += beyond
+    notes += [note for table in parts for note in repeated(table)]
+    counted = [completeness(table, len(rides) - 1) for table in parts]
+    rig, *_ = tables = [unique(table) for table in parts]
     ended = bool(rig["last"].any())
     cycles = [cycles_of(table) for table in tables]
     begin = 0 if whole or cycles[0][0] == 0 else max(int(c[0]) for c in cycles)
@@ -145,10 +158,24 @@ def _left_out(recorded: Table, finite: Table, rides: Sequence[Table]) -> list[st
     return [left_out(bad + stray, recorded.topic, ", ".join(reasons))]
 
 
-def unique(table: Table) -> Table:
-    """Sort by cycle number and keep the first message of each cycle."""
-    _, first = np.unique(table["cycle"], return_index=True)
-    return table if len(first) == len(table) and np.all(np.diff(first) == 1) else table.take(first)
+def _until_its_end(ride: Sequence[Table]) -> tuple[list[Table], list[str]]:
+    """Leave out what a few stray messages say of cycles behind the ride's last state, and say how many they are."""
+    rig, *_ = ride
+    cycle = cycles_of(rig)
+    if not rig["last"].any():
+        return list(ride), []
+    end = int(cycle[rig["last"].astype(np.bool_)].max())
+    if np.count_nonzero(cycle > end) >= SEVERAL:  # a state that says so and is not
+        return list(ride), []
+    parts, notes = [], []
+    for table, margin in zip(ride, (0, STEP_BACK, STEP_BACK), strict=True):
+        behind = cycles_of(table) > end + margin
+        count = int(behind.sum())
+        stray = 0 < count < SEVERAL
+        parts.append(table.take(~behind) if stray else table)
+        if stray:
+            notes.append(left_out(count, table.topic, f"the ride ended at cycle {end}"))
+    return parts, notes
 
 
 def cycle_time(bag: Bag, rig: Table) -> float:
@@ -169,15 +196,3 @@ def cycle_time(bag: Bag, rig: Table) -> float:
     if len(cycles) == 0 or (step := float(np.median(np.diff(stamp) / cycles))) <= 0.0:
         raise BagError("the cycle time cannot be told from this bag: too few states in it")
     return round(step * 1e-9, 5)
-
-
-def ranges(numbers: NDArray[np.int64] | list[int], most: int = 20) -> list[str]:
-    """Write sorted cycle numbers as ranges ("7", "12..15"), `most` of them and a remark for the rest."""
-    array = np.asarray(numbers, dtype=np.int64)
-    if len(array) == 0:
-        return []
-    groups = np.split(array, np.flatnonzero(np.diff(array) > 1) + 1)
-    texts = [str(g[0]) if len(g) == 1 else f"{g[0]}..{g[-1]}" for g in groups[:most]]
-    if len(groups) > most:
-        texts.append(f"and {len(groups) - most} more")
-    return texts

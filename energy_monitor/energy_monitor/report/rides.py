@@ -65,7 +65,12 @@ def rides_of(table: Table) -> list[Table]:
         if not (_inserted(chain, chains) or any(_repeats(table, chain, ride) for ride in rides)):
             rides.append(chain)
     loose = np.setdiff1d(np.arange(len(table)), np.concatenate([ride.rows for ride in rides]), assume_unique=True)
-    return [table.take(_with_late(table, ride, cycle, loose)) for ride in rides]
+    found = []
+    for ride in rides:
+        taken = _with_late(table, ride, cycle, loose)
+        loose = np.setdiff1d(loose, taken, assume_unique=True)
+        found.append(table.take(taken))
+    return found
 
 
 def last_ride(table: Table) -> Table:
@@ -220,8 +225,12 @@ def _inserted(chain: Chain, long: Sequence[Chain]) -> bool:
 
 
 def _repeats(table: Table, chain: Chain, ride: Chain) -> bool:
-    """Tell whether a chain that does not begin at the beginning holds only messages that the ride has too."""
-    if chain.first <= STEP_BACK or not np.isin(chain.cycle, ride.cycle).all():
+    """Tell whether a chain holds only messages that the ride has too.
+
+    One from the beginning is a ride of its own, as like as it may be, unless the other one had not ended when it began.
+    """
+    anew = chain.first <= STEP_BACK and chain.rows[0] > ride.rows[-1]
+    if anew or not np.isin(chain.cycle, ride.cycle).all():
         return False
     order = np.argsort(ride.cycle, kind="stable")
     same = ride.rows[order][np.searchsorted(ride.cycle[order], chain.cycle)]

@@ -56,6 +56,9 @@ def wall_time(bag: Bag, rig: Table) -> WallTime:
     jumps = (step < -BACK) | ((step > SILENCE) & _silent(bag, log))
     good = ~(jumps | still)
     usual = float(np.median(step[good])) if good.any() else float("nan")
+    if not good.any() and still.any():
+        note = "Log times do not tell how long the ride took: they stand still"
+        return WallTime(float("nan"), f"{note}. Wall time is left out.")
     seconds = float(step[good].sum()) + (usual * int((~good).sum()) if not good.all() else 0.0)
     found = [_said(float(step[i]) - usual, int(cycle[i + 1])) for i in np.flatnonzero(jumps)[:3]]
     if still.any():
