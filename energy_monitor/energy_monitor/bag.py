@@ -19,7 +19,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from .bag_channel import CDR, BagError, Channel, Source, left_out
+from .bag_channel import CDR, BagError, Channel, DefinitionError, Source, left_out
 from .bag_columns import Column, Columns, types_of
 from .bag_order import FileRide, Part, in_order, joined, rides_of_files
 from .bag_storage import file_records, open_source
@@ -63,13 +63,16 @@ _LISTS: Mapping[str, tuple[str, ...]] = {
 }
 """Those of the fields that are sequences or strings."""
 
+_PACKAGE = "phil_interfaces/msg/"
+_NEEDED = ("RigState", "CatenaryState", "ImpedanceCommand")
+"""Types without which there are no numbers."""
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _UNREADABLE = (SerdeError, ValueError, LookupError, TypeError, AttributeError, struct.error, OverflowError, MemoryError)
 """What a deserialiser says of a message that is damaged or of another type."""
 
 
-class _DefinitionError(BagError):
-    """The definition of a type that the numbers need cannot be used."""
+class _UnusableTypeError(BagError):
+    """A type that the numbers need cannot be used, in whichever file."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,7 @@ class Bag:
     `speakers` has the numbers of the processes that spoke under each hardware_id, "" for one that gives none.
     `complete` is false when a file was cut off, damaged or missing. `notes` says what is to be said of it, `left_out`
     how many messages of a topic are not in its table, by reason. `rides_of_files` names the files of each ride where
-    nothing but time and cycle numbers tells which files belong together.
+    nothing but time and cycle numbers tells which files belong together; `namespace` is the only one that was read.
     """
 
     path: Path
@@ -146,6 +149,7 @@ class Bag:
     left_out: dict[tuple[str, str], int] = field(default_factory=dict)
     rides_of_files: list[FileRide] = field(default_factory=list)
     speakers: dict[str, set[str]] = field(default_factory=dict)
+    namespace: str = ""
 
     def table(self, name: str, msgtype: str) -> Table:
         """Return the table whose topic ends in `name`, or else the only one of this message type.
@@ -155,16 +159,22 @@ class Bag:
         found = self.find(name, msgtype)
         if found is not None:
             return found
-        topics = [
-            topic for topic, kind in self.topics.items() if _short(kind) == msgtype and topic.endswith(f"/{name}")
-        ]
+        kinds = {topic: kind for topic, kind in self.topics.items() if f"/{topic}".endswith(f"/{name}")}
+        damage = "" if self.complete else " ".join(self.notes)
+        topics = [topic for topic, kind in kinds.items() if kind == f"{_PACKAGE}{msgtype}"]
+        if topics and not any(topic.startswith(self.namespace) for topic in topics):
+            spaces = ", ".join(topic.removesuffix(f"/{name}") or "/" for topic in topics)
+            raise BagError(f"no {msgtype} in the namespace {self.namespace.rstrip('/')} of this bag; it has: {spaces}")
         for topic in topics:
             reasons = [f"{count} are left out, {why}" for (of, why), count in self.left_out.items() if of == topic]
             if reasons:
                 raise BagError(f"{topic} has no message that can be used: {'; '.join(reasons)}")
-            raise BagError(f"{topic} has no message: the recording ended before the ride began")
+            raise BagError(f"{topic} has no message: {damage or 'the recording ended before the ride began'}")
+        for topic, kind in kinds.items():
+            if kind != f"{_PACKAGE}{msgtype}":
+                raise BagError(f"{topic} in this bag is of type {kind or 'unknown'}, not {_PACKAGE}{msgtype}")
         present = ", ".join(sorted(self.topics)) or "no topic at all"
-        raise BagError(f"no {msgtype} in this bag (topic .../{name}); it has: {present}")
+        raise BagError(f"no {msgtype} in this bag (topic .../{name}); it has: {present}{damage and f'. {damage}'}")
 
     def find(self, name: str, msgtype: str) -> Table | None:
         """Return the table as `table` does, or None if there is none."""
@@ -211,6 +221,7 @@ def read_bag(
     bag.notes += [left_out(count, topic, why) for (topic, why), count in bag.left_out.items()]
     bag.rides_of_files = rides
     bag.speakers = reading.speakers
+    bag.namespace = reading.prefix
     return bag
 
 
@@ -220,9 +231,10 @@ class _Reading:
     def __init__(self, source: Source, fields: Mapping[str, Sequence[str]], prefix: str | None) -> None:
         self._source = source
         self._fields = fields
-        self._prefix = prefix
+        self.prefix = prefix or ""
         self._parts: dict[tuple[Path, Channel], Part] = {}
         self._stores: dict[Channel, Typestore | None] = {}
+        self._unusable: set[Channel] = set()
         self.diagnostics: list[Diagnostic] = []
         self.speakers: dict[str, set[str]] = {}
 
@@ -233,7 +245,7 @@ class _Reading:
             try:
                 self._read_file(file)
             except BagError as error:
-                if len(self._source.files) == 1 or isinstance(error, _DefinitionError):
+                if len(self._source.files) == 1 or isinstance(error, _UnusableTypeError):
                     raise
                 failed.append((file, error))
         if failed and len(failed) == len(self._source.files):
@@ -245,8 +257,8 @@ class _Reading:
     def _wanted(self, channel: Channel) -> bool:
         if channel.msgtype == _DIAGNOSTICS:
             return True
-        ours = channel.msgtype.startswith("phil_interfaces/") and _short(channel.msgtype) in self._fields
-        return ours and (self._prefix is None or channel.topic.startswith(self._prefix))
+        ours = channel.msgtype.startswith(_PACKAGE) and _short(channel.msgtype) in self._fields
+        return ours and channel.topic.startswith(self.prefix)
 
     def _read_file(self, file: Path) -> None:
         # A channel is one object from the first of its messages to the last: looked up by that, it need not be hashed.
@@ -259,6 +271,8 @@ class _Reading:
             if entry[1] is not None:
                 entry[1].add(log_time, place, payload)
                 place += 1
+            elif channel in self._unusable:
+                continue
             elif channel.message_encoding != CDR:
                 encoding = channel.message_encoding or "nothing that is named"
                 self._source.left_out[channel.topic, f"they are encoded as {encoding}, not as cdr"] += 1
@@ -269,7 +283,7 @@ class _Reading:
     _place = 0
 
     def _part(self, file: Path, channel: Channel) -> Part | None:
-        if channel.message_encoding != CDR or channel.msgtype == _DIAGNOSTICS:
+        if channel.message_encoding != CDR or channel.msgtype == _DIAGNOSTICS or channel in self._unusable:
             return None
         part = self._parts.get((file, channel))
         if part is None:
@@ -278,7 +292,11 @@ class _Reading:
                 columns = Columns(channel, self._fields[short], _LISTS.get(short, ()))
             except BagError as error:
                 several = f"{file.name}: " if len(self._source.files) > 1 else ""
-                raise _DefinitionError(f"{several}{error}") from None
+                if isinstance(error, DefinitionError) and short not in _NEEDED:
+                    self._unusable.add(channel)
+                    self._source.note(f"{channel.topic} is not in this report: {several}{error}.")
+                    return None
+                raise _UnusableTypeError(f"{several}{error}") from None
             part = self._parts[file, channel] = Part(channel, file, columns)
         return part
 

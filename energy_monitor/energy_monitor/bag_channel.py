@@ -14,6 +14,10 @@ class BagError(Exception):
     """A bag cannot be used; the message is one line for the person who named it."""
 
 
+class DefinitionError(BagError):
+    """A bag does not say, or not so that it can be read, what messages of a type hold."""
+
+
 @dataclass(frozen=True)
 class Channel:
     """One topic of one bag file: its name, message type, definition (text, its language) and how messages are encoded.
@@ -68,6 +72,12 @@ class Source:
         """Remember that a part of a file cannot be read."""
         self.complete = False
         self.note(f"{file.name} is damaged: {what}.")
+
+
+def type_name(name: str) -> str:
+    """Give a type's full name: the older form package/Name means package/msg/Name."""
+    package, slash, rest = name.partition("/")
+    return f"{package}/msg/{rest}" if slash and "/" not in rest else name
 
 
 def left_out(count: int, topic: str, why: str) -> str:

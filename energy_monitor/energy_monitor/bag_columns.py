@@ -18,7 +18,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import TypesysError, get_types_from_idl, get_types_from_msg
 
-from .bag_channel import BagError, Channel
+from .bag_channel import BagError, Channel, DefinitionError
 
 Column = NDArray[Any] | list[Any]
 
@@ -32,33 +32,35 @@ _CODES = {
 def types_of(channel: Channel) -> Typesdict:
     """Parse the message definition that a bag carries for a channel, with all types nested in it.
 
-    Raises BagError if the bag carries none or one that cannot be parsed.
+    Raises DefinitionError if the bag carries none or one that cannot be parsed.
     """
     if not channel.definition:
-        raise BagError(f"the bag holds no message definition for {channel.msgtype} ({channel.topic})")
+        raise DefinitionError(f"the bag holds no message definition for {channel.msgtype} ({channel.topic})")
+    definition = channel.definition.replace("\r\n", "\n")  # from a checkout on Windows
     try:
         types: Typesdict = {}
         if channel.encoding == "ros2msg":
-            types = get_types_from_msg(channel.definition, channel.msgtype)
+            types = get_types_from_msg(definition, channel.msgtype)
             _complete(types, channel.msgtype, channel.msgtype)
             return types
-        for part in channel.definition.split("=" * 80 + "\n"):
+        for part in definition.split("=" * 80 + "\n"):
             text = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
             if text.strip():
                 types.update(get_types_from_idl(text))
         _complete(types, channel.msgtype, channel.msgtype)
         return types
     except (TypesysError, AssertionError, LookupError, ValueError, TypeError, AttributeError, RecursionError) as error:
-        first = (str(error) or type(error).__name__).splitlines()[0]
-        raise BagError(f"message definition of {channel.msgtype} cannot be parsed: {first}") from None
+        said = [line.strip() for line in str(error).splitlines() if line.strip()]
+        reason = " ".join(said[: 2 if said and said[0].endswith(":") else 1]) or type(error).__name__
+        raise DefinitionError(f"message definition of {channel.msgtype} cannot be parsed: {reason}") from None
 
 
 def _complete(types: Typesdict, typename: str, whole: str, above: tuple[str, ...] = ()) -> None:
-    """Check that every type that `typename` contains is there; raises BagError that names the one that is not."""
+    """Check that every type that `typename` contains is there; else raises DefinitionError with its name."""
     if typename not in types:
-        raise BagError(f"message definition of {whole} lacks {typename}")
+        raise DefinitionError(f"message definition of {whole} lacks {typename}")
     if typename in above:
-        raise BagError(f"message definition of {whole} cannot be parsed: {typename} contains itself")
+        raise DefinitionError(f"message definition of {whole} cannot be parsed: {typename} contains itself")
     fields: Any = types[typename][1]
     for _, (kind, detail) in fields:
         inner, name = (kind, detail) if kind in (Nodetype.BASE, Nodetype.NAME) else detail[0]

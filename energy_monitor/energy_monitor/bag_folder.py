@@ -23,6 +23,8 @@ def open_source(path: Path) -> Source:
 
     Raises BagError if there is none, or several, and OSError if the path cannot be looked at.
     """
+    if path.name in ("", ".."):  # `.` has neither a name nor a parent
+        path = path.resolve()
     if not path.exists():
         raise BagError(f"{path}: no such file or directory")
     if path.is_file():
@@ -64,6 +66,14 @@ def natural(file: Path) -> tuple[tuple[int, int, str], ...]:
     """Key of an order of names in which numbers count as numbers: bag_2 before bag_10."""
     parts = re.findall(r"[0-9]+|[^0-9]+", file.name)
     return tuple((0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts)
+
+
+def base_name(path: Path) -> tuple[Path, str]:
+    """Give the folder that a bag lies in, and the bag's name without the endings of a storage file."""
+    name = path.name
+    if not path.is_dir():
+        name = name[: len(Path(plain_name(path)).stem)]
+    return path.parent, name or "bag"
 
 
 def _bags_below(path: Path) -> Iterable[Path]:
@@ -113,7 +123,8 @@ def _listed(metadata: Path) -> list[str]:
     """Give the names in metadata.yaml; none if there is no such file or it makes no sense: the files tell as much."""
     try:
         information: Any = yaml.safe_load(metadata.read_bytes())["rosbag2_bagfile_information"]
-        return [str(name) for name in information["relative_file_paths"]]
+        names = information["relative_file_paths"]
+        return [str(name) for name in ([names] if isinstance(names, str) else names)]
     except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, RecursionError):
         return []
 

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .bag_channel import Channel, Record, Source, Wanted
+from .bag_channel import Channel, Record, Source, Wanted, type_name
 from .bag_compression import decompress
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -83,7 +83,7 @@ def _declare(state: _State, opcode: int, record: memoryview) -> None:
             name, at = _string(record, 2)
             encoding, at = _string(record, at)
             text, _ = _string(record, at)
-            state.schemas[identity] = (name, encoding, text)
+            state.schemas[identity] = (type_name(name), encoding, text)
         elif opcode == _CHANNEL:
             identity, schema = struct.unpack_from("<HH", record)
             topic, at = _string(record, 4)
@@ -128,7 +128,11 @@ def _walk(state: _State, data: memoryview, position: int, *, top: bool) -> Itera
         elif opcode in (_SCHEMA, _CHANNEL):
             _declare(state, opcode, data[start:end])
         elif opcode in (_FOOTER, _DATA_END) and top:
-            return
+            # Files that were put one behind the other (cat) go on behind the end of the first.
+            behind = bytes(data[end:]).find(MAGIC + MAGIC)
+            if behind < 0:
+                return
+            end += behind + 2 * len(MAGIC)
         position = end
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from .bag_channel import CDR, BagError, Channel, Record, Source, Wanted
+from .bag_channel import CDR, BagError, Channel, Record, Source, Wanted, type_name
 
 _LEFT_BEHIND = ("-wal", "-journal")
 _LATEST = 2**63 - 1
@@ -35,14 +35,15 @@ def sqlite_records(source: Source, file: Path, wanted: Wanted, content: bytes | 
                     source.left_out[used[identity].topic, "their entry is damaged"] += 1
     except (sqlite3.Error, ValueError, OverflowError) as error:
         if not known:
-            raise BagError(f"{file}: not a bag that can be read ({error})") from None
+            hint = f": `sqlite3 {file} .recover` may save a part of it" if "malformed" in str(error) else ""
+            raise BagError(f"{file}: not a bag that can be read ({error}){hint}") from None
         source.damaged(file, f"what follows the last message that could be read is left out ({error})")
 
 
 @contextmanager
 def _opened(source: Source, file: Path, content: bytes | None) -> Iterator[sqlite3.Connection]:
     """Open the file where it is, or a copy where sqlite would write beside it: to take in what a crash left there."""
-    left = [log for log in (Path(f"{file}{suffix}") for suffix in _LEFT_BEHIND) if log.is_file() and log.stat().st_size]
+    left = [log for log in (Path(f"{file}{suffix}") for suffix in _LEFT_BEHIND) if log.is_file() and _open_end(log)]
     if content is None and not left:
         with closing(sqlite3.connect(_address(file) + "&immutable=1", uri=True)) as connection:
             yield connection
@@ -60,6 +61,12 @@ def _opened(source: Source, file: Path, content: bytes | None) -> Iterator[sqlit
             yield connection
 
 
+def _open_end(log: Path) -> bool:
+    """Tell whether a log holds what is not in the file yet; the head of one that is done with is empty or zero."""
+    with log.open("rb") as stream:
+        return any(stream.read(8))
+
+
 def _address(file: Path) -> str:
     """Give a URI in which the path's #, ?, % and the like mean themselves."""
     return file.absolute().as_uri() + "?mode=ro"
@@ -71,13 +78,13 @@ def _channels(connection: sqlite3.Connection) -> dict[int, Channel]:
         rows: list[Any] = connection.execute(
             "SELECT topic_type, encoded_message_definition, encoding FROM message_definitions"
         ).fetchall()
-        definitions = {str(name): (str(text or ""), str(encoding or "")) for name, text, encoding in rows}
+        definitions = {type_name(str(name)): (str(text or ""), str(encoding or "")) for name, text, encoding in rows}
     columns = {row[1] for row in connection.execute("PRAGMA table_info(topics)")}
     profiles = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
     query = f"SELECT id, name, type, serialization_format, {profiles} FROM topics"
     return {
         identity: Channel(
-            str(topic), str(kind), *definitions.get(str(kind), ("", "")), str(form or CDR),
+            str(topic), type_name(str(kind)), *definitions.get(type_name(str(kind)), ("", "")), str(form or CDR),
             {"offered_qos_profiles": str(offered or "")},
         )
         for identity, topic, kind, form, offered in connection.execute(query)

@@ -14,6 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from energy_monitor.bag_channel import CDR, BagError, Channel, Source
 from energy_monitor.bag_columns import types_of
+from energy_monitor.bag_folder import base_name
 from energy_monitor.bag_storage import file_records, open_source
 from energy_monitor.definitions import SEPARATOR, UNKNOWN_DIGEST
 from energy_monitor.recorder import SteadyWriter
@@ -39,7 +40,8 @@ def recover(bag: Path, out: Path | None = None) -> Recovered:
     """
     try:
         source = open_source(bag)
-        path = out or source.path.with_name(f"{source.path.name.split('.')[0]}_recovered")
+        folder, name = base_name(source.path)
+        path = out or folder / f"{name}_recovered"
         writer = SteadyWriter(path, version=9, storage_plugin=StoragePlugin.MCAP)
         writer.open()
     except WriterError as error:

@@ -98,6 +98,33 @@ def test_a_type_that_is_not_explained_is_named(rows: list[Row], tmp_path: Path) 
         read_bag(listed)
 
 
+def test_a_type_that_the_numbers_do_without_is_left_out_where_it_is_not_explained(
+    rows: list[Row], tmp_path: Path
+) -> None:
+    model = "/catenary_model/impedance_model"
+    bag = read_bag(write_mcap(tmp_path / "a.mcap", rows, definition=lambda c: c.msgdef.data * (c.topic != model)))
+    assert len(align(bag).cycle) == CYCLES and model not in bag.tables
+    assert len(bag.notes) == 1 and f"{model} is not in this report: the bag holds no message definition" in bag.notes[0]
+
+
+def test_older_names_of_types_and_line_ends_of_windows_are_understood(rows: list[Row], tmp_path: Path) -> None:
+    older = [(SimpleNamespace(**{**c._asdict(), "msgtype": c.msgtype.replace("/msg/", "/")}), t, d) for c, t, d in rows]
+    file = write_mcap(tmp_path / "a.mcap", older, definition=lambda c: c.msgdef.data.replace("\n", "\r\n"))
+    bag = read_bag(file)
+    assert len(align(bag).cycle) == CYCLES and not bag.notes
+
+
+def test_what_is_of_another_type_or_namespace_is_not_said_to_lack_messages(rows: list[Row], tmp_path: Path) -> None:
+    file = write_mcap(tmp_path / "a.mcap", rows)
+    with pytest.raises(BagError, match=r"no RigState in the namespace /left of this bag; it has: /$"):
+        align(read_bag(file, namespace="left"))
+    foreign = [
+        (SimpleNamespace(**{**c._asdict(), "msgtype": c.msgtype.replace("phil", "my")}), t, d) for c, t, d in rows
+    ]
+    with pytest.raises(BagError, match=f"{RIG} in this bag is of type my_interfaces/msg/RigState, not phil_"):
+        align(read_bag(write_mcap(tmp_path / "b.mcap", foreign)))
+
+
 def test_topics_without_usable_messages_say_why(rows: list[Row], tmp_path: Path) -> None:
     with pytest.raises(BagError, match=f"{RIG} has no message: the recording ended before the ride began"):
         align(read_bag(write_mcap(tmp_path / "a.mcap", rows, silent=[RIG])))

@@ -14,11 +14,12 @@ import lz4.frame
 import numpy as np
 import pytest
 import zstandard
-from bag_variants import RIG, Row, rows_of, write_mcap, write_rows, write_split
+from bag_variants import RIG, Row, rows_of, with_cycle, write_mcap, write_rows, write_split
 from mcap.writer import CompressionType
 
 from energy_monitor.bag import Bag, BagError, read_bag
 from energy_monitor.report.alignment import align
+from energy_monitor.report.write import default_folder
 
 CYCLES = 160
 
@@ -75,7 +76,17 @@ def test_what_metadata_says_of_files(listed: list[str], rows: list[Row], tmp_pat
     assert bag.complete and not bag.notes
 
 
-@pytest.mark.parametrize("text", ["", "a: [", "[]", "rosbag2_bagfile_information: 3", "\x00\xff"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "a: [",
+        "[]",
+        "rosbag2_bagfile_information: 3",
+        "rosbag2_bagfile_information: {relative_file_paths: bag_0.mcap}",
+        "\x00\xff",
+    ],
+)
 def test_metadata_that_makes_no_sense_is_as_good_as_none(text: str, rows: list[Row], tmp_path: Path) -> None:
     write_split(tmp_path / "bag", parts(rows, 3), [f"bag_{i}.mcap" for i in range(3)])
     (tmp_path / "bag" / "metadata.yaml").write_bytes(text.encode("latin-1"))
@@ -177,6 +188,9 @@ def test_what_a_crash_left_beside_sqlite_is_read_and_not_touched(rows: list[Row]
     found = whole(copy)
     assert not found.complete
     assert sorted(entry.name for entry in copy.iterdir()) == ["bag.db3", "bag.db3-wal"]
+    done = write_rows(tmp_path / "done", rows, sqlite=True)
+    (done / "done.db3-journal").write_bytes(bytes(512))  # what journal_mode=PERSIST leaves of a log that is done with
+    assert whole(done).complete
 
 
 def test_a_folder_of_rides_and_what_has_to_be_unpacked_are_named(rows: list[Row], tmp_path: Path) -> None:
@@ -212,3 +226,45 @@ def test_files_of_two_rides_are_named_and_one_can_be_chosen(
     assert len(align(bag, ride=2).cycle) == 100
     with pytest.raises(BagError, match=r"no ride 3 .*1: cycles 0 to 159, 2: cycles 0 to 99"):
         align(bag, ride=3)
+
+
+def test_files_that_were_put_one_behind_the_other_are_read_to_the_end(rows: list[Row], tmp_path: Path) -> None:
+    for index, part in enumerate(parts(rows, 2)):
+        write_mcap(tmp_path / f"{index}.mcap", part)
+    together = tmp_path / "bag" / "both.mcap"
+    together.parent.mkdir()
+    together.write_bytes(b"".join((tmp_path / f"{index}.mcap").read_bytes() for index in range(2)))
+    assert not whole(together).notes
+
+
+def test_messages_that_came_twice_are_counted_and_say_if_they_differ(rows: list[Row], tmp_path: Path) -> None:
+    own = [row for row in rows if row[0].topic == RIG]
+    again = [(own[50][0], own[50][1] + 1000, own[50][2])] * 3
+    other = (own[0][0], own[0][1] - 2 * 10**9, with_cycle(own[9][2], 0))  # left from before the ride
+    plain, mixed = (align(read_bag(write_mcap(tmp_path / f"{len(r)}.mcap", r))) for r in (rows, [other, *rows, *again]))
+    for name in ("w_tr", "f_tr", "f_raw"):
+        np.testing.assert_array_equal(mixed.rig[name], plain.rig[name])
+    assert not plain.notes
+    assert mixed.notes == [
+        f"3 messages on {RIG} are left out: the bag holds the same message twice.",
+        f"1 message on {RIG} is left out: the bag holds another one with other values for the same cycle (0), as of "
+        "two publishers.",
+    ]
+
+
+def test_a_stray_state_behind_the_last_one_makes_the_ride_no_longer(rows: list[Row], tmp_path: Path) -> None:
+    *_, before, last = [row for row in rows if row[0].topic == RIG]
+    stray = (last[0], last[1] + 10**6, with_cycle(before[2], 700))
+    aligned = align(read_bag(write_mcap(tmp_path / "a.mcap", [*rows, stray])))
+    assert f"1 message on {RIG} is left out: the ride ended at cycle {CYCLES - 1}." in aligned.notes
+    assert aligned.ended and aligned.expected == CYCLES and aligned.streams[0].missing == 0
+
+
+def test_a_bag_that_is_named_by_where_one_stands_has_a_name(
+    rows: list[Row], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_rows(tmp_path / "take 1.5", rows)
+    monkeypatch.chdir(folder)
+    assert default_folder(read_bag(".")) == tmp_path / "take 1.5_report"
+    (folder / "take 1.5.mcap").rename(folder / "a.b.mcap")
+    assert default_folder(read_bag("a.b.mcap")).name == "a.b_report"

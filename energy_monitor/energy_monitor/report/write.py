@@ -14,6 +14,7 @@ from typing import Any
 
 from energy_monitor.analysis import Settings, analyse
 from energy_monitor.bag import Bag, BagError, read_bag
+from energy_monitor.bag_folder import base_name
 from energy_monitor.limits import LimitsError
 from energy_monitor.report.document import document_text, write_document
 from energy_monitor.report.results import Report
@@ -125,7 +126,8 @@ def default_folder(bag: Bag) -> Path:
     """Choose where the report goes: the ride's folder if params.yaml shows it to be one, else beside the bag."""
     if (bag.path.parent / "params.yaml").is_file():
         return bag.path.parent
-    return bag.path.with_name(f"{bag.path.stem}_report")
+    folder, name = base_name(bag.path)
+    return folder / f"{name}_report"
 
 
 def monitor_of(parameters: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any]:
