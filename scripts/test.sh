@@ -4,8 +4,8 @@ set -u
 if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
   cat <<'HELP'
 usage: scripts/test.sh [pytest arguments]
-Sets up a virtual environment, builds the workspace, runs ruff, mypy and pytest.
-With arguments only pytest is run, with these arguments:
+Sets up a virtual environment, builds the workspace, runs ruff, mypy and pytest (a worker for each core, up to four).
+With arguments only pytest is run, with these arguments (and one worker unless they say -n):
     scripts/test.sh -m "not integration"     without the tests that start the nodes
     scripts/test.sh tests/catenary_model     one package
     scripts/test.sh --hypothesis-profile=explore   property tests with new examples, not the same ones each time
@@ -21,5 +21,7 @@ if [ "$#" -eq 0 ]; then
   echo "== mypy" && mypy || status=1
 fi
 echo "== pytest"
+# A worker for each core, a file's tests on one of them, all that start the nodes on the same one (tests/conftest.py).
+[ "$#" -eq 0 ] && set -- -n auto --maxprocesses 4 --dist loadgroup
 python -m pytest "$@" || status=1
 exit "$status"
