@@ -48,11 +48,13 @@ phil_check_system() {
     phil_fail "Python 3.10 to 3.13 is needed, $PHIL_PYTHON is $("$PHIL_PYTHON" -V 2>&1); set PHIL_PYTHON to another one"
 }
 
-# The message generator of ROS 2 splits paths at such characters; it would say so only after two minutes, and not clearly.
+# CMake, in the message generator of ROS 2, takes a name only up to a byte that is no ASCII; others are separators of a
+# path, a list or a shell. It would say so only after two minutes, and not clearly.
 phil_check_path() {
+  local LC_ALL=C
   case "$PHIL_ROOT" in
-    *[[:space:]\;:\"\'\$\&\(\)\#\\]*)
-      phil_fail "the path '$PHIL_ROOT' has a space or one of ; : \" ' \$ & ( ) # \\, on which the build of ROS 2 messages fails: move the folder"
+    *[![:print:]]* | *[\;:\"\'\`\$\&\|\(\)\<\>\*\?\#\\]*)
+      phil_fail "the path '$PHIL_ROOT' has a letter beyond ASCII, or one of ; : \" ' \` \$ & | ( ) < > * ? # \\, on which the build of ROS 2 messages fails: move the folder"
       ;;
   esac
 }
