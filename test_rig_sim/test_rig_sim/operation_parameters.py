@@ -66,4 +66,4 @@ class TrajectoryParameters(Group):
     end_frequency: float = parameter("Frequency of a chirp at its end", unit="Hz", low=0.001, high=250.0)
     duration: float = parameter("Length of sine, chirp and steps", unit="s", low=0.01, high=LONGEST)
     fade: float = parameter("Time in which sine and chirp come and go", unit="s", low=0.0, high=60.0)
-    file: str = parameter("CSV file with time (s) and position (m) in each line, for kind file")
+    file: str = parameter("CSV file with time (s) and position (m) in each line, at most an hour, for kind file")
