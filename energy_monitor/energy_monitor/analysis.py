@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from energy_monitor.bag import Bag
+from energy_monitor.bag import Bag, BagError
 from energy_monitor.beliefs import beliefs
 from energy_monitor.books import accumulated_of, books_of
 from energy_monitor.contact_quality import low_passed, run_in_cycles
@@ -78,6 +78,8 @@ def analyse(
     aligned = align(bag, whole=_uplift_force(parameters or {}) is not None, ride=ride)
     bag = aligned.bag
     ts = cycle_time(bag, aligned.rig)
+    if settings.cutoff >= 0.5 / ts:
+        raise BagError(f"the low-pass of {settings.cutoff:g} Hz needs more than the {1.0 / ts:g} cycles a second here")
     series = _series(bag, aligned, ts, settings)
     speed = float(np.median(aligned.catenary["speed"]))
     notes = list(aligned.notes)

@@ -18,8 +18,9 @@ from energy_monitor.bag_folder import base_name
 from energy_monitor.limits import LimitsError
 from energy_monitor.report.document import document_text, write_document
 from energy_monitor.report.results import Report
+from energy_monitor.report.ride_parameters import parameters_of
 from energy_monitor.report.verdicts import STANDARD, Limits, read_limits
-from phil_node.parameters import ParameterError, defaults, read_file
+from phil_node.parameters import ParameterError, defaults
 
 SOFTWARE = ("numpy", "scipy", "numba", "daqp", "rosbags", "matplotlib", "jinja2", "pydantic")
 
@@ -56,7 +57,7 @@ def write_report(
     try:
         bag = read_bag(bag_path, namespace=namespace)
         file = parameter_file(bag, params)
-        parameters = read_file(file) if file else {}
+        parameters = parameters_of(file, bag) if file else {}
         monitor = monitor_of(parameters)
         report = analyse(
             bag,
