@@ -290,7 +290,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         sink = BagSink(path)
     except (WriterError, OSError) as error:
-        say(f"record: {error}", sys.stderr)
+        said = f"{error.filename or path}: {error.strerror or error}" if isinstance(error, OSError) else error
+        say(f"record: {said}", sys.stderr)
         return DISK_FULL if getattr(error, "errno", None) in NO_ROOM else 1
     rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -56,8 +57,9 @@ def recover(bag: Path, out: Path | None = None) -> Recovered:
         raise BagError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     finally:
         if not writer.metapath.exists():  # what is no bag is not left behind
-            if writer.storage is not None:
-                writer.abort()
+            with suppress(OSError):  # on a full disk even that fails
+                if writer.storage is not None:
+                    writer.abort()
             shutil.rmtree(path, ignore_errors=True)
     found.topics = len(writer.connections)
     found.notes += [note for note in source.notes if "--recover" not in note]
@@ -107,9 +109,10 @@ def _definition(source: Source, channel: Channel) -> tuple[str, str]:
     except BagError as error:
         source.note(f"{channel.topic} is in the new bag without its definition: {error}.")
         return "", UNKNOWN_DIGEST
+    definition = channel.definition.replace("\r\n", "\n")
     header = f"{SEPARATOR}\nIDL: "
-    idl = channel.encoding != "ros2msg" and not channel.definition.startswith(header)
-    return (f"{header}{channel.msgtype}\n{channel.definition}" if idl else channel.definition), digest
+    idl = channel.encoding != "ros2msg" and not definition.startswith(header)
+    return (f"{header}{channel.msgtype}\n{definition}" if idl else definition), digest
 
 
 def _profiles(channel: Channel) -> Sequence[Qos]:

@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from bag_variants import rows_of, write_mcap
@@ -15,7 +16,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from energy_monitor import record
+from energy_monitor import record, recover
 from energy_monitor.bag import read_bag
 from energy_monitor.definitions import Definition, definition_of
 from energy_monitor.recorder import BagSink, Channel
@@ -146,6 +147,29 @@ def test_a_full_disk_has_its_own_exit_code_and_keeps_the_bag(tmp_path: Path) -> 
     assert failure is not None and failure.errno == errno.ENOSPC and "ride" in str(failure)
     assert (tmp_path / "ride" / "ride.mcap").stat().st_size > 0
     assert not list((tmp_path / "ride").glob("metadata*"))
+
+
+def test_no_room_for_the_bag_written_anew_is_one_line_and_leaves_nothing(
+    ride_bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = recover._copy
+
+    def without_room(source: Any, writer: Any, found: Any) -> None:
+        copy(source, writer, found)
+        writer.storage.bio.close()
+        writer.storage.bio = open("/dev/full", "wb")  # noqa: SIM115 - the writer closes it
+
+    monkeypatch.setattr(recover, "_copy", without_room)
+    assert record.main(["--recover", str(ride_bag), "--out", str(tmp_path / "new")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "No space left on device" in said and not (tmp_path / "new").exists()
+
+
+def test_line_ends_of_windows_are_not_handed_on(synthetic: Callable[..., Path], tmp_path: Path) -> None:
+    rows = rows_of(synthetic(tmp_path / "whole", cycles=20))
+    file = write_mcap(tmp_path / "a.mcap", rows, definition=lambda c: c.msgdef.data.replace("\n", "\r\n"))
+    assert record.main(["--recover", str(file)]) == 0
+    assert sum(read_by_others(tmp_path / "a_recovered").values()) == len(rows)
 
 
 def test_no_room_to_say_so_is_no_error() -> None:

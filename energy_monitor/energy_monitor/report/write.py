@@ -6,7 +6,7 @@ import os
 import platform
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -81,22 +81,32 @@ def write_report(
     except (BagError, ParameterError, LimitsError) as error:
         raise ReportError(" ".join(str(error).split())) from error
     except OSError as error:
-        raise ReportError(f"{error.filename or out_dir}: {error.strerror or error}") from error
+        named = error.filename or ("standard output" if str(json_file) == "-" else out_dir or "the report")
+        raise ReportError(f"{named}: {error.strerror or error}") from error
     return report
 
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Give a temporary name beside `path` to write to; it takes the place of `path` only if nothing went wrong."""
-    if path.exists() and not path.is_file():  # /dev/null, a pipe: never to be replaced
-        yield path
-        return
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    """Give a temporary name beside `path` to write to; it takes the place of `path` only if nothing went wrong.
+
+    Raises
+    ------
+    OSError
+        Writing failed; it names `path`.
+    """
+    special = path.exists() and not path.is_file()  # /dev/null, a pipe: never to be replaced
+    draft = path if special else path.with_name(f".{path.name}.{os.getpid()}")
     try:
         yield draft
-        draft.replace(path)
+        if not special:
+            draft.replace(path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     finally:
-        draft.unlink(missing_ok=True)
+        if not special:
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)
 
 
 def _write_pictures(report: Report, out: Path) -> None:
