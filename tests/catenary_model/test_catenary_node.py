@@ -1,6 +1,5 @@
 """The node in this process with a partner that plays the controller: messages, gaps, duplicates, reset."""
 
-import os
 import subprocess
 import sys
 import time
@@ -82,7 +81,7 @@ class Partner:
 
 @pytest.fixture
 def partner() -> Iterator[Partner]:
-    rclpy.init(args=["--ros-args", "--log-level", "fatal"], domain_id=100 + os.getpid() % 100)
+    rclpy.init(args=["--ros-args", "--log-level", "fatal"])
     try:
         partner = Partner()
         yield partner

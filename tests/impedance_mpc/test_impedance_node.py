@@ -65,7 +65,7 @@ def catenary_state(k, n=1, w=0.0):
 @pytest.fixture
 def bench(monkeypatch):
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init(domain_id=93)
+    rclpy.init()
     executor = SingleThreadedExecutor()
     partner = rclpy.create_node("partner")
     node = ImpedanceNode()
