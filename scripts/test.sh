@@ -4,7 +4,8 @@ set -u
 if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
   cat <<'HELP'
 usage: scripts/test.sh [pytest arguments]
-Sets up a virtual environment, builds the workspace, runs ruff, mypy and pytest (a worker for each core, up to four).
+Sets up a virtual environment, builds the workspace, runs ruff, mypy and pytest: first what starts no nodes, with a worker
+for each core (up to four), then what starts nodes.
 With arguments only pytest is run, with these arguments (and one worker unless they say -n):
     scripts/test.sh -m "not integration"     without the tests that start the nodes
     scripts/test.sh tests/catenary_model     one package
@@ -21,7 +22,11 @@ if [ "$#" -eq 0 ]; then
   echo "== mypy" && mypy || status=1
 fi
 echo "== pytest"
-# A worker for each core, a file's tests on one of them, all that start the nodes on the same one (tests/conftest.py).
-[ "$#" -eq 0 ] && set -- -n auto --maxprocesses 4 --dist loadgroup
-python -m pytest "$@" || status=1
+if [ "$#" -eq 0 ]; then
+  # A worker for each core; then what starts nodes, alone: rides beside other work are slower and later than they should be.
+  python -m pytest -n auto --maxprocesses 4 --dist loadfile -m "not integration" || status=1
+  python -m pytest -m integration || status=1
+else
+  python -m pytest "$@" || status=1
+fi
 exit "$status"

@@ -1,4 +1,9 @@
-"""Every test session rides on a ROS domain of its own: no talk with a ride on this machine, or with another session."""
+"""Every test session rides on ROS domains of its own: no talk with a ride on this machine, or with another session.
+
+Nodes in the test's own process leave their DDS participant behind (rclpy destroys a lifecycle node's with the process),
+and the run script refuses a domain on which its nodes are already. So rides in processes of their own have another
+domain than nodes in this one, and so have the catenary's and the controller's node.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,11 @@ import tempfile
 from pathlib import Path
 from typing import IO
 
-import pytest
 from hypothesis import settings
 
 
-def _claim_domain() -> IO[str]:
-    """Take the first free domain from 101 down; the lock on its file holds as long as this process lives."""
+def _claim_domain(variable: str) -> IO[str]:
+    """Take the first free domain from 101 down into an environment variable; the lock lives as long as this process."""
     for domain in range(101, 10, -1):
         path = Path(tempfile.gettempdir()) / f"phil-tests-domain-{domain}"
         handle = path.open("w")
@@ -22,14 +26,22 @@ def _claim_domain() -> IO[str]:
         except OSError:
             handle.close()
             continue
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
-        if not os.environ.get("ROS_LOCALHOST_ONLY"):
-            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        os.environ[variable] = str(domain)
         return handle
     raise RuntimeError("no ROS domain from 11 to 101 is free for the tests")
 
 
-_CLAIM = _claim_domain()
+_CLAIMS = [
+    _claim_domain(variable)
+    for variable in (
+        "ROS_DOMAIN_ID",
+        "PHIL_TEST_DOMAIN_RIDES",
+        "PHIL_TEST_DOMAIN_CATENARY",
+        "PHIL_TEST_DOMAIN_CONTROLLER",
+    )
+]
+if not os.environ.get("ROS_LOCALHOST_ONLY"):
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 # The first example of a test may compile a kernel, which takes seconds: time is no property that is tested here.
 # The same examples each time, so that a change is judged by what it changes; new ones are looked for with
@@ -37,11 +49,3 @@ _CLAIM = _claim_domain()
 settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.register_profile("explore", deadline=None, derandomize=False, print_blob=True)
 settings.load_profile("repeatable")
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep a file's tests on one worker (`-n 2 --dist loadgroup`), and all that start the nodes on the same one."""
-    if config.pluginmanager.hasplugin("xdist"):
-        for item in items:
-            group = "rides" if item.get_closest_marker("integration") else str(item.path)
-            item.add_marker(pytest.mark.xdist_group(group))

@@ -1,5 +1,6 @@
 """The node in this process with a partner that plays the controller: messages, gaps, duplicates, reset."""
 
+import os
 import subprocess
 import sys
 import time
@@ -81,7 +82,7 @@ class Partner:
 
 @pytest.fixture
 def partner() -> Iterator[Partner]:
-    rclpy.init(args=["--ros-args", "--log-level", "fatal"])
+    rclpy.init(args=["--ros-args", "--log-level", "fatal"], domain_id=int(os.environ["PHIL_TEST_DOMAIN_CATENARY"]))
     try:
         partner = Partner()
         yield partner

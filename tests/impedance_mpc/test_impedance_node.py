@@ -1,6 +1,7 @@
 """The node between two made-up partners in one process: order, repetition, gaps, refusals, services."""
 
 import array
+import os
 import time
 from types import SimpleNamespace
 
@@ -65,7 +66,7 @@ def catenary_state(k, n=1, w=0.0):
 @pytest.fixture
 def bench(monkeypatch):
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init()
+    rclpy.init(domain_id=int(os.environ["PHIL_TEST_DOMAIN_CONTROLLER"]))
     executor = SingleThreadedExecutor()
     partner = rclpy.create_node("partner")
     node = ImpedanceNode()

@@ -23,7 +23,7 @@ class Client:
             subprocess.Popen([sys.executable, "-m", f"{name}.node", *words], env=environment, start_new_session=True)
             for name, words in nodes.items()
         ]
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO, domain_id=int(environment["ROS_DOMAIN_ID"]))
         self.node = rclpy.create_node(own)
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)

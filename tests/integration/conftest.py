@@ -29,6 +29,11 @@ def processes_of(out: Path) -> list[int]:
     return found
 
 
+def environment() -> dict[str, str]:
+    """Give the environment of nodes in processes of their own: on another domain than nodes in this process."""
+    return dict(os.environ, ROS_DOMAIN_ID=os.environ["PHIL_TEST_DOMAIN_RIDES"])
+
+
 class RideProcess:
     """A ride that is going on."""
 
@@ -42,6 +47,7 @@ class RideProcess:
             stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
+            env=environment(),
         )
 
     def wait_until(self, condition: Callable[[], bool], seconds: float = 120.0) -> None:
@@ -97,7 +103,7 @@ def leftovers() -> Callable[[Path], list[int]]:
 @pytest.fixture(scope="session")
 def node_environment() -> dict[str, str]:
     """Give the environment for nodes that a test starts by itself."""
-    return dict(os.environ)
+    return environment()
 
 
 @pytest.fixture(scope="session")
