@@ -9,6 +9,9 @@ import platform
 import sys
 from pathlib import Path
 
+from bench.realtime.options import add_options, options_from
+
+FAILED, INTERRUPTED = 3, 130
 NAMES = ("catenary", "lines", "mpc", "realtime")
 
 WIDTH = 132
@@ -16,13 +19,15 @@ WIDTH = 132
 
 
 def main() -> int:
-    """Measure, print, write; 0 unless the measurement itself failed: speed is told, not tested."""
+    """Measure, print, write; 0 unless the measurement itself failed (3): speed is told, not tested."""
     parser = argparse.ArgumentParser(prog="scripts/bench.sh", description=__doc__)
     parser.add_argument("name", choices=NAMES, help="what to measure")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
     parser.add_argument("--out", type=Path, metavar="DIR", help="draw the distributions there")
     parser.add_argument("--quick", action="store_true", help="few samples: only to see that it works")
+    add_options(parser)
     given = parser.parse_args()
+    riding = options_from(parser, given)
     try:
         if given.json:
             given.json.touch()
@@ -37,7 +42,19 @@ def main() -> int:
     from bench.distribution import picture, table
 
     gc.disable()
-    outcome = BENCHES[given.name](given.quick)
+    if given.name == "realtime":
+        from bench.realtime.against import AgainstError
+        from bench.realtime.disturbance import DisturbanceError
+        from bench.realtime.run import run
+        from bench.realtime.session import MeasuringError
+
+        try:
+            outcome = run(riding)
+        except (AgainstError, DisturbanceError, MeasuringError) as error:
+            print(f"nothing was measured: {error}", file=sys.stderr)
+            return FAILED
+    else:
+        outcome = BENCHES[given.name](given.quick)
     console = Console()
     if not console.is_terminal:
         console.width = WIDTH
@@ -65,4 +82,8 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)

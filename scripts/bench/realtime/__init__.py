@@ -1,0 +1,1 @@
+"""Rides in real time, measured: alone or disturbed, one build or two in turns."""

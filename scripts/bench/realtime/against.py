@@ -1,0 +1,117 @@
+"""Another revision of this repository, built beside it by its own scripts."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+from bench.realtime.session import Build
+from ride.options import ROOT
+
+ENVIRONMENTS = (".venv", ".venv-ros")
+PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH")
+SET_UP = '. scripts/lib/environment.sh && phil_environment run && env -0 >"$1"'
+
+
+class AgainstError(Exception):
+    """The revision cannot be had or built."""
+
+
+def revision(text: str) -> str:
+    """Give the full hash of a revision of this repository.
+
+    Raises
+    ------
+    AgainstError
+        There is none of that name, or this is no repository.
+    """
+    command = ["git", "-C", str(ROOT), "rev-parse", "--verify", "--quiet", "--end-of-options", f"{text}^{{commit}}"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:
+        raise AgainstError("--against needs git, which is not installed") from None
+    if done.returncode or not re.fullmatch("[0-9a-f]{40,64}", done.stdout.strip()):
+        raise AgainstError(f"--against {text!r}: no such revision of {ROOT}")
+    return done.stdout.strip()
+
+
+def cache() -> Path:
+    """Give the folder in which such builds are kept, beside the compiled kernels."""
+    own = os.environ.get("PHIL_CACHE")
+    if own:
+        return Path(own) / "against"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "phil-catenary" / "against"
+
+
+def checked_out(sha: str) -> Path:
+    """Check the revision out once; virtual environments are shared where both want the same packages.
+
+    Raises
+    ------
+    AgainstError
+        git failed.
+    """
+    folder = cache() / sha
+    if not (folder / ".git").exists():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        raw = folder.with_name(f"{sha}.{os.getpid()}")
+        shutil.rmtree(raw, ignore_errors=True)
+        for command in (
+            ["git", "clone", "--quiet", "--no-checkout", str(ROOT), str(raw)],
+            ["git", "-C", str(raw), "-c", "advice.detachedHead=false", "checkout", "--quiet", sha],
+        ):
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise AgainstError(f"git: {done.stderr.strip()}")
+        raw.rename(folder)
+    if (folder / "pyproject.toml").read_bytes() == (ROOT / "pyproject.toml").read_bytes():
+        for name in ENVIRONMENTS:
+            if (ROOT / name).is_dir() and not (folder / name).exists():
+                (folder / name).symlink_to((ROOT / name).resolve())
+    return folder
+
+
+def before(environment: Mapping[str, str], root: Path = ROOT) -> dict[str, str]:
+    """Give the environment without what the scripts of ``root`` have put into it: as the user's shell was."""
+    ours = {str(root), *(str((root / name).resolve()) for name in ENVIRONMENTS)}
+
+    def mine(entry: str) -> bool:
+        return any(entry == own or entry.startswith(f"{own}/") for own in ours)
+
+    found = dict(environment)
+    found.pop("VIRTUAL_ENV", None)
+    for name in PATHS:
+        if name in found:
+            kept = [entry for entry in found.pop(name).split(os.pathsep) if entry and not mine(entry)]
+            if kept:
+                found[name] = os.pathsep.join(kept)
+    return found
+
+
+def build(text: str, folder: Path) -> Build:
+    """Check a revision out, build it, and give it with its environment; ``folder`` is for what is written meanwhile.
+
+    Raises
+    ------
+    AgainstError
+        It cannot be had, or its own scripts cannot build it.
+    """
+    sha = revision(text)
+    root = checked_out(sha)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = folder / "environment"
+    command = ["bash", "-u", "-c", SET_UP, "bash", str(written)]
+    done = subprocess.run(command, cwd=root, env=before(os.environ), stdin=subprocess.DEVNULL, check=False)
+    if done.returncode or not written.exists():
+        raise AgainstError(f"{text}: its own scripts cannot build it in {root}")
+    pairs = (entry.partition(b"=") for entry in written.read_bytes().split(b"\0") if entry)
+    return Build(sha[:10], root, {os.fsdecode(name): os.fsdecode(value) for name, _, value in pairs})
+
+
+def present() -> Build:
+    """Give the build that this process belongs to."""
+    return Build("this build", ROOT, dict(os.environ))
