@@ -14,6 +14,8 @@ from ride.options import ROOT
 
 ENVIRONMENTS = (".venv", ".venv-ros")
 PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH")
+MARKS = ("VIRTUAL_ENV", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+"""What says that an environment is set up: the wheels of ROS 2 add their libraries only where they have not done so."""
 SET_UP = '. scripts/lib/environment.sh && phil_environment run && env -0 >"$1"'
 
 
@@ -83,7 +85,8 @@ def before(environment: Mapping[str, str], root: Path = ROOT) -> dict[str, str]:
         return any(entry == own or entry.startswith(f"{own}/") for own in ours)
 
     found = dict(environment)
-    found.pop("VIRTUAL_ENV", None)
+    for name in MARKS:
+        found.pop(name, None)
     for name in PATHS:
         if name in found:
             kept = [entry for entry in found.pop(name).split(os.pathsep) if entry and not mine(entry)]

@@ -46,7 +46,7 @@ def goals(rides: Sequence[Measured], rate: float, disturbed: bool) -> list[Goal]
     found = [Goal("late commands, share", late / cycles, allowed)]
     if disturbed:
         found.append(Goal("bridged on end, cycles", max(one.bridged for one in rides), BRIDGED))
-        if round(rate) == 500:
-            times = np.concatenate([one.turnaround[RIG] for one in rides])
+        times = np.concatenate([np.zeros(0), *(one.turnaround[RIG] for one in rides if RIG in one.turnaround)])
+        if round(rate) == 500 and times.size:
             found.append(Goal("state out to command in, p99, ms", float(np.percentile(times, 99.0)) * 1e3, P99_MS))
     return [*found, Goal("rides that ended in a retract", sum(one.retracted for one in rides), 0)]

@@ -90,8 +90,8 @@ def outcome(options: RealtimeOptions, builds: Sequence[Build], rides: Sequence[R
 def notes(options: RealtimeOptions, rides: Sequence[Ridden]) -> list[str]:
     """Say what the figures mean and under which circumstances they came about."""
     said = [
-        f"{len(os.sched_getaffinity(0))} cores, load average at the end {os.getloadavg()[0]:.2f}. By others: what was used "
-        "by none of the processes of this bench. Stolen: what the host gave to other machines.",
+        f"{len(os.sched_getaffinity(0))} cores, load average at the end {os.getloadavg()[0]:.2f}. By others: what was "
+        "used by none of the processes of this bench. Stolen: what the host gave to other machines.",
     ]
     if any("FIFO" not in how for one in rides for name, how in one.scheduling.items() if name in NODES):
         said.append("SCHED_FIFO was not granted to all nodes (see: ulimit -r): expect more late commands.")

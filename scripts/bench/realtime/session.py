@@ -115,7 +115,7 @@ def ride(build: Build, options: RealtimeOptions, folder: Path) -> Ridden:
             time.sleep(LOOK)
     said = (folder / "ride.log").read_text(encoding="utf-8", errors="replace")
     try:
-        figures = measured(read_bag(out / "bag", fields=FIELDS).tables, begin, watch.end)
+        figures = _figures(out / "bag", begin, watch.end)
     except (BagError, ValueError) as error:
         raise MeasuringError(f"{error}\n{said.strip()[-800:]}") from None
     seen = within(watch.samples, figures.begin, figures.end)
@@ -128,6 +128,15 @@ def ride(build: Build, options: RealtimeOptions, folder: Path) -> Ridden:
         scheduling=watch.scheduling,
         work=disturbance.work() if disturbance else None,
     )
+
+
+def _figures(bag: Path, begin: int, end: int) -> Measured:
+    """Measure from ``begin`` on; all of a ride that had ended before that."""
+    tables = read_bag(bag, fields=FIELDS).tables
+    try:
+        return measured(tables, begin, end)
+    except ValueError:
+        return measured(tables, *FOREVER)
 
 
 def outcome(figures: Measured, code: int | None, interrupted: bool, said: str) -> str:
