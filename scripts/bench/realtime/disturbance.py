@@ -42,7 +42,8 @@ class Work:
     silent: int
     """Nodes that did not answer in time, over all rounds."""
     recorder: int | None
-    """Exit code of the second recorder."""
+    """Exit code of the second recorder, and its last line."""
+    recorder_said: str = ""
 
 
 def plain(environment: Mapping[str, str]) -> dict[str, str]:
@@ -50,7 +51,7 @@ def plain(environment: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in environment.items() if not name.startswith(NOT_OURS)}
 
 
-def work_of(viewers: Sequence[str], reader: str, recorder: int | None) -> Work:
+def work_of(viewers: Sequence[str], reader: str, recorder: int | None, said: str = "") -> Work:
     """Sum up what viewers and the reader of parameters said, a JSON object a line; a last line may be cut off."""
     visits = [entry for text in viewers for entry in _entries(text) if "messages" in entry]
     rounds = [entry for entry in _entries(reader) if "parameters" in entry]
@@ -62,6 +63,7 @@ def work_of(viewers: Sequence[str], reader: str, recorder: int | None) -> Work:
         parameters=max((entry["parameters"] for entry in rounds), default=0),
         silent=sum(entry["silent"] for entry in rounds),
         recorder=recorder,
+        recorder_said=(said.strip().splitlines() or [""])[-1],
     )
 
 
@@ -150,7 +152,8 @@ class Disturbance:
     def work(self) -> Work:
         """Give what they had done; to be called after the end."""
         viewers = [self._said(f"viewer-{number}") for number in range(VIEWERS)]
-        return work_of(viewers, self._said("parameters"), self._children["recorder"].returncode)
+        recorder = self._children["recorder"].returncode
+        return work_of(viewers, self._said("parameters"), recorder, self._said("recorder"))
 
     def _start(self, name: str, command: Sequence[str]) -> None:
         with (self._folder / f"{name}.log").open("wb") as output:

@@ -22,6 +22,8 @@ class RealtimeOptions:
     seconds: float = ALONE
     against: str | None = None
     pairs: int = PAIRS
+    parameters: tuple[str, ...] = ()
+    """For all rides, as ``scripts/run.sh --set`` takes them."""
 
     @property
     def cycle_time(self) -> float:
@@ -41,15 +43,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--rate", type=float, metavar="HZ", help="cycles a second (500)")
     add("--seconds", type=float, metavar="N", help="length of a ride (60; with --against 10)")
     add("--against", metavar="REVISION", help="ride in turns with that revision of this repository, built beside")
+    add(
+        "--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter of all rides, as for run.sh"
+    )
     add("--pairs", type=int, metavar="N", help=f"with --against: rides of either ({PAIRS})")
 
 
 def options_from(parser: argparse.ArgumentParser, given: argparse.Namespace) -> RealtimeOptions:
     """Check the options; ends the process with code 2 and one line if they are wrong."""
     named = {name: getattr(given, name) for name in ("rate", "seconds", "against", "pairs")}
+    named |= {"disturbed": given.disturbed or None, "set": given.set or None}
     said = [f"--{name}" for name, value in named.items() if value is not None]
-    if given.name != "realtime" and (said or given.disturbed):
-        parser.error(f"{(said or ['--disturbed'])[0]} is an option of realtime, not of {given.name}")
+    if given.name != "realtime" and said:
+        parser.error(f"{said[0]} is an option of realtime, not of {given.name}")
     if given.pairs is not None and given.against is None:
         parser.error("--pairs is for --against")
     rate = 500.0 if given.rate is None else given.rate
@@ -62,4 +68,4 @@ def options_from(parser: argparse.ArgumentParser, given: argparse.Namespace) -> 
     pairs = (1 if given.quick else PAIRS) if given.pairs is None else given.pairs
     if not 1 <= pairs <= 1000:
         parser.error(f"--pairs {pairs}: from 1 to 1000")
-    return RealtimeOptions(given.disturbed, rate, seconds, given.against, pairs)
+    return RealtimeOptions(given.disturbed, rate, seconds, given.against, pairs, tuple(given.set))

@@ -93,12 +93,14 @@ def notes(options: RealtimeOptions, rides: Sequence[Ridden]) -> list[str]:
         f"{len(os.sched_getaffinity(0))} cores, load average at the end {os.getloadavg()[0]:.2f}. By others: what was "
         "used by none of the processes of this bench. Stolen: what the host gave to other machines.",
     ]
+    if options.parameters:
+        said.append(f"ridden with {', '.join(options.parameters)}")
     if any("FIFO" not in how for one in rides for name, how in one.scheduling.items() if name in NODES):
         said.append("SCHED_FIFO was not granted to all nodes (see: ulimit -r): expect more late commands.")
     for number, one in enumerate(rides):
         if one.work is not None:
             work = one.work
-            whole = {0: "whole", None: "not ended"}.get(work.recorder, f"ended with code {work.recorder}")
+            whole = "whole" if work.recorder == 0 else f"ended with code {work.recorder}: {work.recorder_said}"
             said.append(
                 f"beside ride {number + 1}: {VIEWERS} viewers, {work.visits} visits, {work.messages} messages, "
                 f"{work.topics} topics; parameters read {work.rounds} times, {work.parameters} of them, "

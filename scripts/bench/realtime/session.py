@@ -156,6 +156,8 @@ def _riding(build: Build, options: RealtimeOptions, out: Path, log: Path) -> Ite
     command = ["python", "-m", "ride.child", str(os.getpid()), "ride", "--mode", "realtime", "--duration", duration]
     for node in NODES:
         command += ["--set", f"{node}.cycle_time={options.cycle_time:.9g}"]
+    for parameter in options.parameters:
+        command += ["--set", parameter]
     command += ["--no-report", "--out", str(out)]
     with log.open("wb") as output:
         child = subprocess.Popen(
