@@ -49,7 +49,7 @@ def main() -> int:
         from bench.realtime.session import MeasuringError
 
         try:
-            outcome = run(riding)
+            outcome = run(riding, given.out)
         except (AgainstError, DisturbanceError, MeasuringError) as error:
             print(f"nothing was measured: {error}", file=sys.stderr)
             return FAILED

@@ -71,7 +71,7 @@ def test_a_retract_ends_what_counts() -> None:
     modes, late = [1, 1, 2, 3, 4, 4, 5], [0, 0, 1, 2, 3, 3, 3]
     times = timing("test_rig_sim", [(3, [1.0, 2.0, 3.0, 4.0]), (6, [5.0, 6.0, 7.0])])
     found = measured({"/test_rig_sim/state": states(modes, late), "/test_rig_sim/timing": times}, 0, 2**62)
-    assert (found.cycles, found.late, found.bridged, found.retracted) == (5, 3, 2, True)
+    assert (found.cycles, found.late, found.bridged, found.retracted) == (5, 3, 3, True)
     assert found.turnaround["test_rig_sim"].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
 
 

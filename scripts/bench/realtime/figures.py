@@ -94,7 +94,7 @@ def measured(tables: Mapping[str, Table], begin: int, end: int) -> Measured:
         first=int(cycle[0]),
         cycles=stop,
         late=int(late[:stop].sum()),
-        bridged=longest_run(np.isin(mode[:stop], BRIDGED)),
+        bridged=longest_run(np.isin(mode[:stop], BRIDGED) | (late[:stop] > 0)),
         retracted=bool(gone.size),
         late_at=cycle[:stop][late[:stop] > 0],
         turnaround=found,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
 import tempfile
@@ -17,8 +18,11 @@ from bench.realtime.disturbance import VIEWERS
 from bench.realtime.figures import NODES, RIG
 from bench.realtime.goals import goals
 from bench.realtime.options import RealtimeOptions
-from bench.realtime.session import Build, Ridden, ride
+from bench.realtime.session import THROUGH, Build, Ridden, ride
 from bench.realtime.tables import comparison, draw_late, goal_sheet, named, pooled, ride_sheet, use_sheet
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What ends the bench with all that it started; SIGINT too: a shell's background process would ignore it."""
 
 
 def turns(pairs: int) -> list[int]:
@@ -26,8 +30,10 @@ def turns(pairs: int) -> list[int]:
     return [build for pair in range(pairs) for build in ((0, 1), (1, 0))[pair % 2]]
 
 
-def run(options: RealtimeOptions) -> Outcome:
+def run(options: RealtimeOptions, keep: Path | None = None) -> Outcome:
     """Ride in real time with the four nodes and the recorder; turnaround, late commands, what a cycle costs.
+
+    What a ride left that did not go through (bag, logs) is moved to ``keep``.
 
     Raises
     ------
@@ -36,7 +42,7 @@ def run(options: RealtimeOptions) -> Outcome:
     KeyboardInterrupt
         Ctrl-C or a signal; nothing is left running.
     """
-    before = {number: signal.signal(number, _interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
+    before = {number: signal.signal(number, _interrupt) for number in SIGNALS}
     try:
         with tempfile.TemporaryDirectory(prefix="phil-bench-", ignore_cleanup_errors=True) as name:
             folder = Path(name)
@@ -50,6 +56,8 @@ def run(options: RealtimeOptions) -> Outcome:
                 what = f"ride {number + 1} of {len(order)}, {builds[which].label}: " if len(order) > 1 else "riding "
                 _say(f"{what}{options.seconds:g} s at {options.rate:g} Hz{', disturbed' if options.disturbed else ''}")
                 rides.append(ride(builds[which], options, folder / f"ride-{number}"))
+                if keep is not None and rides[-1].outcome != THROUGH:
+                    _keep(folder / f"ride-{number}", keep / f"bench-realtime-ride-{number + 1}")
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -107,6 +115,12 @@ def notes(options: RealtimeOptions, rides: Sequence[Ridden]) -> list[str]:
                 f"{work.silent} without an answer; second recording {whole}"
             )
     return said
+
+
+def _keep(ride: Path, folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.move(ride, folder)
+    _say(f"kept, for it did not go through: {folder}")
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

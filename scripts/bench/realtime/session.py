@@ -28,6 +28,7 @@ END_SECONDS = 60.0
 RECORDER = "recorder"
 FIELDS = {"RigState": ("cycle", "mode", "late_commands"), "CycleTiming": ("cycle", "turnaround")}
 FAILED = "the ride failed: "
+THROUGH = "through"
 FOREVER = (0, 2**63 - 1)
 
 
@@ -145,7 +146,7 @@ def outcome(figures: Measured, code: int | None, interrupted: bool, said: str) -
     if figures.retracted:
         return f"retracted after {figures.first + figures.cycles} cycles: {reason or 'no reason given'}"
     if code in ((0, 130) if interrupted else (0,)):
-        return "through"
+        return THROUGH
     return reason or f"ended with code {code}"
 
 
