@@ -9,9 +9,9 @@ import platform
 import sys
 from pathlib import Path
 
-from bench.realtime.options import add_options, options_from
+from bench.realtime.options import WrongUse, add_options, options_from
 
-FAILED, INTERRUPTED = 3, 130
+WRONG, FAILED, INTERRUPTED = 2, 3, 130
 NAMES = ("catenary", "lines", "mpc", "realtime")
 
 WIDTH = 132
@@ -50,6 +50,9 @@ def main() -> int:
 
         try:
             outcome = run(riding, given.out)
+        except WrongUse as error:
+            print(error, file=sys.stderr)
+            return WRONG
         except (AgainstError, DisturbanceError, MeasuringError) as error:
             print(f"nothing was measured: {error}", file=sys.stderr)
             return FAILED

@@ -9,6 +9,7 @@ import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
+from bench.realtime.options import WrongUse
 from bench.realtime.session import Build
 from ride.options import ROOT
 
@@ -28,8 +29,10 @@ def revision(text: str) -> str:
 
     Raises
     ------
-    AgainstError
+    WrongUse
         There is none of that name, or this is no repository.
+    AgainstError
+        git is not installed.
     """
     command = ["git", "-C", str(ROOT), "rev-parse", "--verify", "--quiet", "--end-of-options", f"{text}^{{commit}}"]
     try:
@@ -37,7 +40,7 @@ def revision(text: str) -> str:
     except OSError:
         raise AgainstError("--against needs git, which is not installed") from None
     if done.returncode or not re.fullmatch("[0-9a-f]{40,64}", done.stdout.strip()):
-        raise AgainstError(f"--against {text!r}: no such revision of {ROOT}")
+        raise WrongUse(f"--against {text!r}: no such revision of {ROOT}")
     return done.stdout.strip()
 
 
@@ -100,6 +103,8 @@ def build(text: str, folder: Path) -> Build:
 
     Raises
     ------
+    WrongUse
+        There is none of that name.
     AgainstError
         It cannot be had, or its own scripts cannot build it.
     """

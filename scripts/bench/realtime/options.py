@@ -13,6 +13,10 @@ PAIRS = 3
 HEADING = "realtime only"
 
 
+class WrongUse(Exception):  # noqa: N818 - the user's, told as such
+    """What was asked for cannot be: another revision, another parameter."""
+
+
 @dataclass(frozen=True)
 class RealtimeOptions:
     """How to ride: ``rate`` in Hz, ``seconds`` of each ride, ``against`` a revision of the repository or None."""

@@ -37,6 +37,8 @@ def run(options: RealtimeOptions, keep: Path | None = None) -> Outcome:
 
     Raises
     ------
+    WrongUse
+        There is no such revision or parameter.
     AgainstError, DisturbanceError, MeasuringError
         There is nothing to be measured.
     KeyboardInterrupt

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bench.realtime.disturbance import Disturbance, Work
 from bench.realtime.figures import NODES, Measured, measured
-from bench.realtime.options import RealtimeOptions
+from bench.realtime.options import RealtimeOptions, WrongUse
 from bench.realtime.usage import Load, Sample, Share, children, load, sample, scheduling, shares, within
 from energy_monitor.bag import BagError, read_bag
 
@@ -27,6 +27,8 @@ START_SECONDS = 300.0
 END_SECONDS = 60.0
 RECORDER = "recorder"
 FIELDS = {"RigState": ("cycle", "mode", "late_commands"), "CycleTiming": ("cycle", "turnaround")}
+WRONG, WORDS = 2, 8
+"""Exit code of a ride whose parameters are wrong; lines that are repeated of one that failed."""
 FAILED = "the ride failed: "
 THROUGH = "through"
 FOREVER = (0, 2**63 - 1)
@@ -96,6 +98,8 @@ def ride(build: Build, options: RealtimeOptions, folder: Path) -> Ridden:
 
     Raises
     ------
+    WrongUse
+        A parameter is wrong.
     MeasuringError
         It did not come to a first cycle, or its bag cannot be read.
     DisturbanceError
@@ -118,7 +122,10 @@ def ride(build: Build, options: RealtimeOptions, folder: Path) -> Ridden:
     try:
         figures = _figures(out / "bag", begin, watch.end)
     except (BagError, ValueError) as error:
-        raise MeasuringError(f"{error}\n{said.strip()[-800:]}") from None
+        if child.returncode == WRONG:
+            raise WrongUse(said.strip()) from None
+        words = "\n".join(said.strip().splitlines()[-WORDS:])
+        raise MeasuringError(f"{error}; the ride said:\n{words}") from None
     seen = within(watch.samples, figures.begin, figures.end)
     return Ridden(
         build=build.label,
