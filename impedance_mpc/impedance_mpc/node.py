@@ -20,7 +20,10 @@ from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.guard import finite, finite_array, objection
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED
+from phil_node.signals import asked_to_end
 
+MODEL_PART = 2.5
+"""Time in s that the reduced model is waited for at a stretch."""
 BOOKS_EVERY = 10
 """Cycles from one message of the conserved quantities to the next."""
 FOLLOWING = frozenset((RigState.MODE_TRACKING, RigState.MODE_BRIDGING, RigState.MODE_HOLDING))
@@ -109,7 +112,15 @@ class ImpedanceNode(PhilNode[Parameters]):
     def _receive_model(self) -> Impedance:
         timeout = self.parameters.model_timeout
         topic = "catenary_model/impedance_model"
-        received, message = wait_for_message(ImpedanceModel, self, topic, qos_profile=LATCHED, time_to_wait=timeout)
+        received, left = False, timeout
+        while not received and left > 0.0 and not asked_to_end():
+            # In parts, so that a signal is heeded; each is long enough for the publisher to be matched.
+            received, message = wait_for_message(
+                ImpedanceModel, self, topic, qos_profile=LATCHED, time_to_wait=min(left, MODEL_PART)
+            )
+            left -= MODEL_PART
+        if asked_to_end():
+            raise RuntimeError("asked to end")
         if not received:
             raise RuntimeError(f"no message on {topic} within {timeout} s: is catenary_model configured?")
         n = int(message.n)

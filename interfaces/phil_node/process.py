@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -11,41 +12,62 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.signals import SignalHandlerOptions
 
 from phil_node.executor import events_executor
+from phil_node.instance import AlreadyRunning, claim
 from phil_node.parameters import ParameterError
+from phil_node.shared_memory import remove_litter
+from phil_node.signals import Ending
 
 if TYPE_CHECKING:
     from phil_node.base import PhilNode
 
 RCLError = rclpy_implementation.RCLError
+UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
+WRONG = 2
+SIGNAL_SECONDS = 0.2
+"""Time in s after which an idle node looks for signals."""
+PLACES = re.compile(r", at \S+:\d+")
+"""Where in its sources ROS found an error: of no use to who typed the command."""
 
 
 def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int:
-    """Run one node until it is shut down or interrupted; give the exit code (2: wrong parameters)."""
+    """Run one node until it is shut down or asked to end by a signal.
+
+    Give the exit code: 0 it ended in order; 2 for wrong parameters or arguments, or if this machine has that node on
+    that domain already.
+    """
+    with Ending() as ending:
+        return _run(kind, argv, ending)
+
+
+def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Ending) -> int:
+    remove_litter()
     try:
-        rclpy.init(args=argv)
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
         node = kind()
-    except ParameterError as error:
-        print(error, file=sys.stderr)
-        rclpy.try_shutdown()
-        return 2
+        held = claim(node.full_name, node.context.get_domain_id())
+    except (ParameterError, AlreadyRunning) as error:
+        return _refuse(str(error))
+    except UnknownROSArgsError as error:
+        return _refuse(f"ROS does not know these arguments: {error}")
     except RCLError as error:
         # Arguments that ROS itself cannot read: a missing parameter file, a malformed remapping.
-        print(str(error).splitlines()[0], file=sys.stderr)
-        rclpy.try_shutdown()
-        return 2
+        return _refuse(PLACES.sub("", str(error).splitlines()[0]))
     executor = events_executor()
     executor.add_node(node)
     try:
         # Not spin_once(): entering it costs 25 us a message. Not spin(): it ignores signals.
-        while rclpy.ok() and not node.finished.done():
-            executor.spin_until_future_complete(node.finished, timeout_sec=1.0)
-        if node.finished.done():
+        while rclpy.ok() and not node.finished.done() and not ending.asked:
+            executor.spin_until_future_complete(node.finished, timeout_sec=SIGNAL_SECONDS)
+        if ending.asked and not node.finished.done():
+            node.trigger_shutdown()
+        elif rclpy.ok():
             # The answer to the shutdown request is still to be sent.
             for _ in range(5):
                 executor.spin_once(timeout_sec=0.02)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     finally:
         executor.shutdown()
@@ -56,7 +78,14 @@ def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int
         del node, executor
         gc.unfreeze()
         gc.collect()
+        held.close()
     return 0
+
+
+def _refuse(text: str) -> int:
+    print(text, file=sys.stderr)
+    rclpy.try_shutdown()
+    return WRONG
 
 
 def leave(code: int) -> NoReturn:

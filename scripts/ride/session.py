@@ -57,7 +57,7 @@ class Ride:
         self._recorder: Process | None = None
         self._managed: dict[str, Managed] = {}
         self._interrupts = 0
-        self._shm = snapshot()
+        self._shm: frozenset[str] = frozenset()
         self._look_at = 0.0
         self._strangers: set[tuple[str, str]] = set()
         self.watch: Watch | None = None
@@ -79,6 +79,8 @@ class Ride:
             Ctrl-C or a signal ended the ride early; the bag is complete up to there.
         """
         handlers = {number: signal.signal(number, self._interrupt) for number in _SIGNALS}
+        remove_litter()  # of killed processes, before there are five that might take up the names of its ports
+        self._shm = snapshot()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("ride", start_parameter_services=False)
         self._executor = events_executor()
