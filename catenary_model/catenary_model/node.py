@@ -16,6 +16,7 @@ from catenary_model.reach import far_from_nominal
 from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from catenary_model.sequence import Sequence, Verdict
 from phil_node.base import ERROR, OK, WARN, Diagnosis, PhilNode, leave, run
+from phil_node.diagnosis import SILENT
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED, VIEW
 
 FRAME = "train"
@@ -34,7 +35,7 @@ class CatenaryNode(PhilNode[Parameters]):
         self.catenary = build(p.config())
         far = far_from_nominal(self.catenary.statics)
         if far:
-            self.get_logger().warning(f"{far}: the drive has to reach that far (parameter 'line' = {p.line!r})")
+            self.log.warning(f"{far}: the drive has to reach that far (parameter 'line' = {p.line!r})")
         self.sequence = Sequence(p.max_bridged_cycles)
         self._bridged = 0
         self._ts_ns = round(p.cycle_time * 1e9)
@@ -90,6 +91,16 @@ class CatenaryNode(PhilNode[Parameters]):
         if c.unsettled_steps:
             found.append("the slack state did not settle in some integration steps")
         return Diagnosis(WARN, "; ".join(found), values) if found else Diagnosis(OK, "active", values)
+
+    def signs(self) -> tuple[object, ...]:
+        """Give what ends the ride for the wire, and what is counted here."""
+        return self.sequence.broken, bool(self._bridged), bool(self.catenary.unsettled_steps)
+
+    def silence(self) -> str:
+        """Say that no command comes any more; nobody tells the wire that a ride is over."""
+        if not SILENT < self.timing.idle < float("inf") or self.stuck():
+            return ""
+        return f"no usable command since cycle {self.sequence.expected - 1}: the ride is over, or impedance_mpc stands"
 
     def _on_command(self, command: ImpedanceCommand) -> None:
         self.timing.begin()

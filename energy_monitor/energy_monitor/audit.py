@@ -228,13 +228,18 @@ class Audit:
             books.exchanged_momentum,
         )
 
+    def stalled(self, now: float, age_limit: float) -> bool:
+        """Tell whether no cycle became complete for ``age_limit`` s (``now`` in s) although the ride goes on."""
+        age = self.matcher.age(now)
+        return age is not None and min(age, now - self._caught_up) > age_limit and not self.matcher.finished
+
     def complaints(self, now: float, age_limit: float) -> list[str]:
         """Say in words what is wrong with the ride so far; time in which the monitor did not run does not count."""
         self._watch(now)
         matcher, agreement, trace = self.matcher, self.agreement, self.trace
         found = []
-        age = matcher.age(now)
-        if age is not None and min(age, now - self._caught_up) > age_limit and not matcher.finished:
+        if self.stalled(now, age_limit):
+            age = matcher.age(now)
             found.append(f"no complete cycle for {age:.1f} s, waiting for cycle {matcher.next}")
         for name, count, cycles in zip(STREAMS, matcher.missing, matcher.missing_cycles, strict=True):
             if count:

@@ -18,6 +18,7 @@ from energy_monitor.audit import HEARTBEAT, Audit, CatenarySample, CommandSample
 from energy_monitor.limits import chosen, evaluate, verdict
 from energy_monitor.parameters import Parameters
 from phil_node.base import Diagnosis, PhilNode, leave, run
+from phil_node.diagnosis import SILENT
 from phil_node.guard import finite, objection
 from phil_node.qos import CYCLE, CYCLE_KEPT
 
@@ -91,6 +92,18 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
     def stuck(self) -> bool:
         """Never: who only listens ends no ride."""
         return False
+
+    def signs(self) -> tuple[object, ...]:
+        """Give what a new complaint hangs on, and the beginning and the end of a ride."""
+        audit, matcher = self._audit, self._audit.matcher
+        stalled = audit.stalled(monotonic(), self.parameters.age_limit)
+        return stalled, any(matcher.missing), audit.agreement.agrees, bool(audit.trace.broken), matcher.finished
+
+    def silence(self) -> str:
+        """Say that nothing comes any more; the rig tells when a ride is over."""
+        if self.timing.heard <= SILENT or not self._audit.stalled(monotonic(), self.parameters.age_limit):
+            return ""
+        return f"nothing comes any more: no message since cycle {self._audit.matcher.next - 1}"
 
     def diagnose(self) -> Diagnosis:
         """Report completeness, age, agreement, contact and what the rig counted."""

@@ -273,7 +273,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.recover is not None:
         return recovered(options.recover, options.out)
     asked: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
+    hang_up = [signal.SIGHUP] if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL else []  # ignored: nohup
+    for number in (signal.SIGINT, signal.SIGTERM, *hang_up):
         signal.signal(number, lambda got, _frame: asked.append(got))
 
     leave_if_unusable()

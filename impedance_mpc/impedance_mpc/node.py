@@ -18,6 +18,7 @@ from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
+from phil_node.diagnosis import SILENT
 from phil_node.guard import finite, finite_array, objection
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED
 from phil_node.signals import asked_to_end
@@ -32,6 +33,7 @@ RIG_NUMBERS = ("w_tr", "v_tr", "f_tr", "reference", "work", "impulse")
 SEGMENT = ("segment_displacement", "segment_velocity", "segment_acceleration", "segment_force")
 WIRE_NUMBERS = ("w_cat", "v_cat", "f_cat", "work", "impulse", *SEGMENT)
 NOT_USED = (Arrival.AHEAD, Arrival.REFUSED)
+LACKS = {"rig": "test_rig_sim", "catenary": "catenary_model", "both": "test_rig_sim and catenary_model"}
 CASES = ("off", "active", "capped", "projected", "dead zone", "settled")
 
 
@@ -43,6 +45,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.serve(SetBool, "~/set_correction", self._set_correction)
         self.switch: EnvironmentSwitch
         self.pairs: CyclePairs[RigState, CatenaryState] = CyclePairs()
+        self.over = False
         self.unusable = 0
         self.fallbacks_reported = 0
 
@@ -72,6 +75,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         """Forget states, plan and books and wait for cycle 0."""
         self.switch.reset()
         self.pairs.clear()
+        self.over = False
         self.unusable = 0
         self.fallbacks_reported = 0
 
@@ -108,6 +112,19 @@ class ImpedanceNode(PhilNode[Parameters]):
         if self.timing.refused > 0:
             found += self.timing.refusals
         return Diagnosis(WARN, "; ".join(found), values) if found else Diagnosis(values=values)
+
+    def signs(self) -> tuple[object, ...]:
+        """Give whether the solver failed since it was last said."""
+        return (self.switch.result.fallbacks > self.fallbacks_reported,)
+
+    def silence(self) -> str:
+        """Say whose state does not come any more; the rig tells when a ride is over."""
+        if self.over or not SILENT < self.timing.idle < float("inf") or self.stuck():
+            return ""
+        if self.timing.stale and self.timing.heard <= SILENT:
+            return f"states come of cycles that are over, not {self.pairs.next}: call impedance_mpc/reset"
+        lacking = LACKS[self.pairs.lacks]
+        return f"no command since cycle {self.pairs.next - 1}: no usable state {self.pairs.next} of {lacking}"
 
     def _receive_model(self) -> Impedance:
         timeout = self.parameters.model_timeout
@@ -219,6 +236,7 @@ class ImpedanceNode(PhilNode[Parameters]):
             if cycle % BOOKS_EVERY == 0:
                 self._send_books(rig, cycle)
             if rig.last:
+                self.over = True
                 self.timing.flush(rig.header, cycle)
             self.timing.begin()
 

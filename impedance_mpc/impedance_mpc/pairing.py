@@ -101,6 +101,12 @@ class CyclePairs(Generic[R, C]):
         """Give the cycle that would continue the states of ``sender``, rig or catenary."""
         return max(self.next, (self._rig if sender == "rig" else self._catenary).front)
 
+    @property
+    def lacks(self) -> str:
+        """Give whose state is missing: rig or catenary when only the other's has come, else both."""
+        rigs, wires = bool(self._rig.states), bool(self._catenary.states)
+        return "both" if rigs is wires else "catenary" if rigs else "rig"
+
     def clear(self) -> None:
         """Wait for cycle 0 again."""
         self.next = self.missing = 0

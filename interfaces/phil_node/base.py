@@ -5,11 +5,9 @@ from __future__ import annotations
 import gc
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from time import monotonic, time_ns
 from typing import Any, Generic, TypeVar
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from phil_interfaces.msg import CycleTiming
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -20,8 +18,10 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from phil_node.bounded_log import BoundedLog
 from phil_node.changes import as_declared, fixed_while_active, merged
 from phil_node.declare import declare
+from phil_node.diagnosis import ERROR, LOOK, OK, STALE, WARN, Diagnosis, Reporter
 from phil_node.parameters import Group, ParameterError, defaults, infos, values_of
 from phil_node.process import RCLError, leave, run
 from phil_node.qos import CYCLE
@@ -36,22 +36,7 @@ QUIET = 1.0
 LOCKSTEP = "lockstep"
 """Value of the parameter ``mode`` of a ride that waits for its cycles; any other runs by the wall clock."""
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-
-__all__ = ["ERROR", "OK", "WARN", "Diagnosis", "PhilNode", "leave", "run"]
-
-
-@dataclass
-class Diagnosis:
-    """What a node says of itself on /diagnostics: level OK, WARN or ERROR, a sentence, and figures.
-
-    The sentence is for people and does not change as long as nothing new happens: counts are figures. What a program
-    has to know is a figure too.
-    """
-
-    level: bytes = OK
-    message: str = "active"
-    values: dict[str, str] = field(default_factory=dict)
+__all__ = ["ERROR", "OK", "STALE", "WARN", "Diagnosis", "PhilNode", "leave", "run"]
 
 
 class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
@@ -81,13 +66,13 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.add_pre_set_parameters_callback(self._prepare_parameters)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        # Two rigs in namespaces share the topic: the whole name tells whose status this is.
-        self._status = DiagnosticStatus(name=f"{self.full_name}: cycle", hardware_id=self.full_name)
+        self.log = BoundedLog(lambda: self.get_logger())
+        self._failure = ""
+        self._reporter = Reporter(self, self._diagnosis, self._all_signs, self.ride_time)
         # No timer of ours on the ROS clock: under use_sim_time it stands still until somebody publishes /clock.
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._clock_missed = False
-        self._timer = self.create_timer(1.0, self._publish_diagnosis, clock=self.steady)
+        self._timer = self.create_timer(LOOK, self._reporter.look, clock=self.steady)
         self._reset_service = self.create_service(Trigger, "~/reset", self._serve_reset)
 
     # What a node overrides -------------------------------------------------------------------------------------
@@ -114,6 +99,14 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
     def diagnose(self) -> Diagnosis:
         """Say how the node is, once a second."""
         return Diagnosis()
+
+    def signs(self) -> tuple[object, ...]:
+        """Give what the level of `diagnose` hangs on, cheaply: a change of it is told at once."""
+        return ()
+
+    def silence(self) -> str:
+        """Say what does not come any more although the ride goes on, empty if nothing is missing: level STALE."""
+        return ""
 
     def stuck(self) -> bool:
         """Tell whether the node cannot go on by itself: what it waits for comes, but cannot be used."""
@@ -193,7 +186,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             try:
                 return callback(request, response)
             except Exception as error:
-                self.get_logger().error(f"{name}: {error}")
+                self.log.error(f"{name}: {error}")
                 response.success, response.message = False, str(error) or type(error).__name__
                 return response
 
@@ -252,7 +245,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             return super()._LifecycleNodeMixin__change_state(transition_id)
         except RCLError:
             state = self._state_machine.current_state[1]
-            self.get_logger().error(f"there is no transition {transition_id} from the state '{state}': nothing done")
+            self.log.error(f"there is no transition {transition_id} from the state '{state}': nothing done")
             return TransitionCallbackReturn.FAILURE
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -269,9 +262,10 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         try:
             action()
         except Exception as error:
-            text = str(error) or type(error).__name__
-            self.get_logger().error(f"cannot {what}: {text}")
+            self._failure = f"cannot {what}: {str(error) or type(error).__name__}"
+            self.log.error(self._failure)
             return TransitionCallbackReturn.FAILURE
+        self._failure = ""
         return TransitionCallbackReturn.SUCCESS
 
     def _build(self) -> None:
@@ -355,21 +349,37 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self.changed(names)
 
     def _publish_diagnosis(self) -> None:
-        active = self.active
-        found = self.diagnose() if active else Diagnosis(message="configured" if self.configured else "unconfigured")
-        if active and self.stuck() and found.level != ERROR:
-            found.level, found.message = ERROR, f"cannot go on: {'; '.join(self.timing.refusals)}"
-        status = self._status
-        status.level, status.message = found.level, found.message
+        self._reporter.publish()
+
+    def _all_signs(self) -> tuple[object, ...]:
+        timing, state = self.timing, (self.active, self.configured, self._failure)
+        if not self.active:
+            return state
+        counted = bool(timing.late), bool(timing.missing), len(timing.refusals)
+        return (*state, *counted, self.stuck(), bool(self.silence()), *self.signs())
+
+    def _diagnosis(self) -> Diagnosis:
+        """Say how the node is: what its own `diagnose` says, and what is the same for all nodes."""
+        timing = self.timing
+        if self.active:
+            found = self.diagnose()
+            if self.stuck() and found.level != ERROR:
+                found.level, found.message = ERROR, f"cannot go on: {'; '.join(timing.refusals)}"
+            elif silence := self.silence():
+                found.add(STALE, silence)
+        else:
+            found = Diagnosis(message="configured" if self.configured else "unconfigured")
+        if self._failure:
+            found.add(WARN, self._failure)
+        if self.count_services(f"{self.full_name}/reset") > 1:
+            found.add(WARN, f"another node on this ROS domain is called {self.full_name}, too: end one of them")
         own = {"process": str(os.getpid())}
         if self._misses_clock():
             own["clock"] = "the system's: use_sim_time is set, but nothing came on /clock"
-        figures = {**own, **self.timing.summary(), **found.values}
-        status.values = [KeyValue(key=key, value=value) for key, value in figures.items()]
-        message = DiagnosticArray(status=[status])
-        stamp = message.header.stamp
-        stamp.sec, stamp.nanosec = divmod(self.ride_time(), 1_000_000_000)
-        self._diagnostics.publish(message)
+        counts = {"late": timing.late, "missing": timing.missing, "stale": timing.stale, "refused": timing.refused}
+        last = {"last incident s ago": self._reporter.since_last(**counts)}
+        found.values = {**own, **timing.summary(), **last, **found.values}
+        return found
 
     def _misses_clock(self) -> bool:
         """Tell whether use_sim_time is set without a /clock, and say it once in the log."""
@@ -377,5 +387,5 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         missing = bool(clock.ros_time_is_active) and clock.now().nanoseconds == 0
         if missing and not self._clock_missed and self.active:
             self._clock_missed = True
-            self.get_logger().warning("use_sim_time is set, but nothing came on /clock: going on by the system's clock")
+            self.log.warning("use_sim_time is set, but nothing came on /clock: going on by the system's clock")
         return missing

@@ -46,6 +46,8 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
     remove_litter()
     try:
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+        # It logs each transition that does not exist, without a bound; the node says so itself.
+        rclpy.logging.set_logger_level("rcl_lifecycle", rclpy.logging.LoggingSeverity.ERROR)
         node = kind()
         held = claim(node.full_name, node.context.get_domain_id())
     except (ParameterError, AlreadyRunning) as error:

@@ -5,8 +5,8 @@
 | imports, before there is a node | ends at once (SIGINT 130, SIGTERM 143, SIGHUP 129) | |
 | there is a node | it is deactivated and cleaned up if need be, and ends with 0 | ends at once, with 128 + its number |
 
-SIGHUP (the terminal is gone) is a signal like Ctrl-C. What whoever started the process told it to ignore (nohup) stays
-ignored. rclpy's own handlers would take the context away in the midst of a callback that publishes.
+SIGHUP (the terminal is gone) is a signal like Ctrl-C, unless whoever started the process told it to ignore that
+(nohup). rclpy's own handlers would take the context away in the midst of a callback that publishes.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Ending:
         if threading.current_thread() is threading.main_thread():  # no other may set handlers
             for number in ENDING:
                 before = signal.getsignal(number)
-                if before is not signal.SIG_IGN:
+                if (number, before) != (signal.SIGHUP, signal.SIG_IGN):
                     self._before[number] = signal.signal(number, self._take)
         global _present
         _present = self

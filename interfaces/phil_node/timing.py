@@ -64,6 +64,11 @@ class Timing:
         return (perf_counter_ns() - self._ended) * 1e-9 if self._total else inf
 
     @property
+    def heard(self) -> float:
+        """Give the time in s since a message came, usable or not; infinite before the first."""
+        return (perf_counter_ns() - self._begun) * 1e-9 if self._begun else inf
+
+    @property
     def stamp(self) -> int:
         """Give the stamp t_k of the last cycle in ns; 0 before the first."""
         if not self._total or self._header is None:
@@ -98,7 +103,7 @@ class Timing:
     def clear(self) -> None:
         """Forget all that was measured and counted."""
         self.late = self.missing = self.stale = self.refused = 0
-        self._filled = self._total = 0
+        self._filled = self._total = self._begun = 0
         self._refusals.clear()
         self._refused_since = self._refused_at = 0
 

@@ -33,6 +33,8 @@ MOST_LISTENERS = 100
 OVER_SECONDS = 5.0
 """Time without a message of a cycle after which a ride whose rig has ended it is over, whatever was not booked."""
 RETRACT_SECONDS = 10.0
+REASON_SECONDS = 0.5
+"""Time in which a node that refuses says why."""
 DISCOVERY_SECONDS = 0.8
 """Time in which a neighbour on the same machine or network is seen."""
 OWN_TOPICS = tuple(topic for topic in RECORDED if not topic.startswith("/"))
@@ -78,7 +80,7 @@ class Ride:
         RideInterrupt
             Ctrl-C or a signal ended the ride early; the bag is complete up to there.
         """
-        handlers = {number: signal.signal(number, self._interrupt) for number in _SIGNALS}
+        handlers = {number: signal.signal(number, self._interrupt) for number in _SIGNALS if not _nohup(number)}
         remove_litter()  # of killed processes, before there are five that might take up the names of its ports
         self._shm = snapshot()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -143,11 +145,11 @@ class Ride:
         self._refuse_neighbours(1)
         with self._busy("configuring (the first time compiles the kernels)"):
             for managed in self._managed.values():
-                managed.go(CONFIGURE, CONFIGURE_SECONDS)
+                self._go(managed, CONFIGURE, CONFIGURE_SECONDS)
             self._wait_for_recorder()
         self._go_first()
         for managed in self._managed.values():
-            managed.go(ACTIVATE, START_SECONDS)
+            self._go(managed, ACTIVATE, START_SECONDS)
         watch = self.watch
         watch.moved = watch.heard = time.monotonic()
         with Display(self._console, duration) as display:
@@ -164,6 +166,19 @@ class Ride:
                     raise RideError(f"{text}: {watch.reasons}" if watch.reasons else text)
             display.show(watch)
         self.seconds = watch.moved - (watch.started or watch.moved)
+
+    def _go(self, managed: Managed, transition: int, seconds: float) -> None:
+        """Make one transition; a node that refuses says why on /diagnostics, within a tenth of a second."""
+        try:
+            managed.go(transition, seconds)
+        except RideError as error:
+            deadline = time.monotonic() + REASON_SECONDS
+            while time.monotonic() < deadline:
+                self._spin()
+            assert self.watch is not None
+            said = self.watch.said.get(managed.name)
+            reason = f": {said.message}" if said is not None and "cannot" in said.message else ""
+            raise RideError(f"{error}{reason}") from None
 
     def _go_first(self) -> None:
         """Ask for real-time scheduling; without it the ride is the same, but slower, and more commands are late."""
@@ -275,6 +290,10 @@ class Ride:
                 with contextlib.suppress(RideError):
                     managed.shut_down(5.0)
             end_all(list(self._nodes.values()))
+
+
+def _nohup(number: signal.Signals) -> bool:
+    return number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN
 
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

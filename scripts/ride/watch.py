@@ -18,6 +18,8 @@ from phil_node.timing import REASON
 
 RIG = "test_rig_sim"
 MONITOR = "energy_monitor"
+LISTENERS = ("impedance_mpc", MONITOR)
+"""Nodes of a ride that listen to the rig's state."""
 AWAKE = 2.5
 """Time in s for which a node that spoke on /diagnostics, as it does each second, counts as one that runs."""
 RESTING = {"mode": "stopped", "outcome": "landed"}
@@ -101,10 +103,16 @@ class Watch:
         rig = self.said[RIG].values if RIG in self.said else {}
         phase = rig.get("phase", "")
         if phase == "waiting for listeners":
-            found.append(f"{RIG} is {phase} ({rig.get('listeners', 'none known')})")
+            found.append(f"{RIG} is {phase} ({rig.get('listeners', 'none known')}){self._deaf(rig.get('heard by'))}")
         elif phase == "waiting for a command" and not found:
             found.append(f"{RIG} is {phase} (cycle {rig.get('cycle', 'unknown')}), nobody says why it does not come")
         return "; ".join(found)
+
+    def _deaf(self, heard_by: str | None) -> str:
+        """Name the nodes of the ride that should listen to the rig's state and do not, as far as the rig knows."""
+        there = None if heard_by is None else heard_by.split(", ")
+        deaf = [name for name, _ in self._ours.values() if there and name in LISTENERS and name not in there]
+        return f": {' and '.join(deaf)} not among them" if deaf else ""
 
     def through(self) -> bool:
         """Tell whether the last cycle was ridden, answered and booked by the monitor; never for an endless ride."""
@@ -151,7 +159,7 @@ class Watch:
             self.said[name] = said
             if status.level == DiagnosticStatus.ERROR:
                 self.errors[name] = str(said)
-            elif status.level == DiagnosticStatus.WARN:
+            elif status.level != DiagnosticStatus.OK:  # STALE ends no ride: the rig retracts, or goes on
                 self.warnings[name] = str(said)
 
 

@@ -9,8 +9,10 @@ from phil_interfaces.msg import ImpedanceCommand, RigState
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from phil_node.base import ERROR, WARN, Diagnosis, PhilNode, leave, run
+from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
+from phil_node.diagnosis import SILENT
 from phil_node.qos import CYCLE, VIEW
+from test_rig_sim.diagnosis import diagnosis, missing_command, missing_listeners, to_go_on
 from test_rig_sim.operation import rules, supervisor_for
 from test_rig_sim.pacing import CycleClock
 from test_rig_sim.parameters import Parameters
@@ -116,7 +118,7 @@ class RigNode(PhilNode[Parameters]):
         self._stamped = 0  # ns, wall time of the newest state in real time
         self._asked_at = 0.0
         self._listeners = (0, 0)  # matched, known to the graph
-        self._listeners_since = time.monotonic()
+        self._listeners_since = self._waits_since = time.monotonic()
 
     # The cycle -------------------------------------------------------------------------------------------------
 
@@ -304,7 +306,7 @@ class RigNode(PhilNode[Parameters]):
         if mode is before or (mode in FOLLOWING and before in FOLLOWING):
             return
         self._reported = mode
-        log = self.get_logger()
+        log = self.log
         if mode is Mode.RETRACTING or (mode is Mode.STOPPED and supervisor.reason and before is not Mode.RETRACTING):
             log.error(f"the drive retracts at cycle {self._cycle}: {supervisor.reason}")
         elif mode is Mode.STOPPED:
@@ -356,27 +358,36 @@ class RigNode(PhilNode[Parameters]):
         """Never: a rig whose commands are refused retracts by itself."""
         return False
 
+    def signs(self) -> tuple[object, ...]:
+        """Give what the level hangs on beside the counters."""
+        supervisor = self._supervisor
+        return supervisor.mode in FOLLOWING or supervisor.mode, supervisor.reason, self._phase == ENDED
+
+    def silence(self) -> str:
+        """Say that a cycle stands because its command does not come; in real time the rig retracts instead."""
+        waited = time.monotonic() - self._published_at[self._cycle % MEMORY]
+        if self._phase != ASKING or self._resting or waited <= SILENT:
+            return ""
+        return missing_command(self._cycle, self.count_publishers("impedance_mpc/command"))
+
+    def _heard_by(self) -> list[str]:
+        infos = self.get_subscriptions_info_by_topic(self._state_out.topic_name)
+        return sorted(info.node_name for info in infos)
+
+    def _missing_listeners(self, names: list[str]) -> str:
+        if self._phase != WAITING:
+            return ""
+        waited = time.monotonic() - self._waits_since
+        return missing_listeners(self._listeners, self.parameters.wait_for_subscribers, names, waited)
+
     def diagnose(self) -> Diagnosis:
         """Say the mode, the reason of a retract, and the counters of the cycle."""
         supervisor = self._supervisor
         mode = supervisor.mode.name.lower()
-        found = Diagnosis(message=f"{mode}, {self._phase}")
-        happened = [
-            *(["commands late"] if self.timing.late else []),
-            *(self.timing.refusals if self.timing.refused else []),
-            *(["commands cut to the soft limits"] if supervisor.limited else []),
-            *(["ticks skipped"] if self._pacing.skipped else []),
-        ]
-        if supervisor.reason:
-            found.level, found.message = ERROR, f"{mode}: {supervisor.reason}"
-        elif supervisor.landed:
-            found.message = "stopped: landed"
-        elif happened:
-            found.level = WARN
-            found.message = f"{found.message}: {'; '.join(happened)}"
-        if warning := supervisor.guard.warning():
-            found.level = max(found.level, WARN)
-            found.message = f"{found.message}; {warning}"
+        found = diagnosis(supervisor, self.timing, self._pacing, self._phase)
+        names = self._heard_by() if self._phase == WAITING else []
+        if missing := self._missing_listeners(names):
+            found.add(WARN, missing)
         found.values = {
             "mode": mode,
             "phase": self._phase,
@@ -386,6 +397,8 @@ class RigNode(PhilNode[Parameters]):
             "reason": supervisor.reason,
             "cycle": str(self._cycle),
             "listeners": "{} matched of {}, {} wanted".format(*self._listeners, self.parameters.wait_for_subscribers),
+            "heard by": ", ".join(names) or "-",
+            "to go on": to_go_on(supervisor) or "-",
             "late ticks": str(self._late_ticks),
             "skipped ticks": str(self._pacing.skipped),
             "commands cut": str(supervisor.limited),
