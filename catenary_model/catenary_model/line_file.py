@@ -41,6 +41,7 @@ from pydantic.fields import FieldInfo
 from catenary_model import statics
 from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, Wire
 from catenary_model.reach import refuse_unridable
+from phil_node.clear_words import ClearError
 from phil_node.yaml_file import YamlError, parse_yaml
 
 T = TypeVar("T")
@@ -48,7 +49,7 @@ T = TypeVar("T")
 SUFFIXES = (".yaml", ".yml")
 
 
-class LineFileError(ValueError):
+class LineFileError(ClearError):
     """A description of a line is unusable; the text is one line a problem: file, entry, what is allowed."""
 
 

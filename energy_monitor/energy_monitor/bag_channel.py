@@ -7,11 +7,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from phil_node.clear_words import clear
+
 CDR = "cdr"
 
 
 class BagError(Exception):
     """A bag cannot be used; the message is one line for the person who named it."""
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__(clear(text))
 
 
 class DefinitionError(BagError):

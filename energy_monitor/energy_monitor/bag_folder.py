@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import yaml
+from phil_node.yaml_file import read_yaml
 
 from .bag_channel import BagError, Source
 from .bag_compression import codec_of, decompress, foreign, is_compressed, plain_name
@@ -122,10 +122,10 @@ def _source(directory: Path, files: tuple[Path, ...]) -> Source:
 def _listed(metadata: Path) -> list[str]:
     """Give the names in metadata.yaml; none if there is no such file or it makes no sense: the files tell as much."""
     try:
-        information: Any = yaml.safe_load(metadata.read_bytes())["rosbag2_bagfile_information"]
+        information: Any = read_yaml(metadata)["rosbag2_bagfile_information"]
         names = information["relative_file_paths"]
         return [str(name) for name in ([names] if isinstance(names, str) else names)]
-    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError):
         return []
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from energy_monitor.contact_quality import ContactStatistics
+from phil_node.clear_words import ClearError
 from phil_node.parameters import config_file
 from phil_node.yaml_file import YamlError, read_yaml
 
@@ -27,7 +28,7 @@ QUANTITIES = (
 """What a table may limit: the figures of ContactStatistics."""
 
 
-class LimitsError(ValueError):
+class LimitsError(ClearError):
     """The table of limits cannot be read or is not consistent; the text is one line."""
 
 

@@ -16,13 +16,14 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
+from phil_node.clear_words import ClearError
 from phil_node.parameter_file import read_parameter_file
 from phil_node.yaml_file import YamlError
 
 G = TypeVar("G", bound="Group")
 
 
-class ParameterError(ValueError):
+class ParameterError(ClearError):
     """A parameter is unknown, missing, of a wrong type or out of range; the text is one line a parameter."""
 
 

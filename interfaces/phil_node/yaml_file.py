@@ -18,10 +18,15 @@ try:
 except ImportError:  # PyYAML without libyaml
     from yaml import SafeLoader  # type: ignore[assignment]
 
+from phil_node.clear_words import ClearError
+
 __all__ = ["TAG", "SafeLoader", "YamlError", "dump_yaml", "parse_yaml", "plain_value", "read_yaml"]
 
 TAG = "tag:yaml.org,2002:"
 INTEGER_LIMIT = 2**63
+MOST_ENTRIES = 1_000_000
+"""Entries that a file may have with every alias written out: a few lines of them can stand for more than there is room
+for."""
 
 _NULL = re.compile(r"^(~|null|Null|NULL|)$")
 _BOOL = re.compile(r"^(true|True|TRUE|false|False|FALSE)$")
@@ -29,7 +34,7 @@ _INT = re.compile(r"^([-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)$")
 _FLOAT = re.compile(r"^([-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$")
 
 
-class YamlError(ValueError):
+class YamlError(ClearError):
     """A text is no YAML that can be used; the message is one line: source, line, reason."""
 
 
@@ -67,7 +72,7 @@ def parse_yaml(text: str | bytes, source: str = "") -> Any:
         node = loader.get_single_node()
         if node is None:
             return None
-        _check(node, {}, set())
+        _check(node, {}, {})
         return loader.construct_document(node)
     except yaml.constructor.ConstructorError as error:
         raise YamlError(named + _said(error, text)) from None
@@ -120,12 +125,18 @@ def _float(text: str) -> float:
     return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
 
 
-def _check(node: yaml.Node, above: dict[int, yaml.Node], done: set[int]) -> None:
-    """Refuse keys that stand twice and entries that contain themselves; take every key as the text that it is."""
+def _check(node: yaml.Node, above: dict[int, yaml.Node], done: dict[int, int]) -> int:
+    """Refuse keys that stand twice, entries that contain themselves and aliases that stand for too much; count entries.
+
+    Takes every key as the text that it is. ``done`` holds the counts of lists and mappings that were looked at.
+    """
     if id(node) in above:
         raise yaml.constructor.ConstructorError(None, None, "an entry refers to itself", node.start_mark)
-    if id(node) in done or isinstance(node, yaml.ScalarNode):
-        return
+    if isinstance(node, yaml.ScalarNode):
+        return 1
+    if id(node) in done:
+        return done[id(node)]
+    count = 1
     inside = {**above, id(node): node}
     if isinstance(node, yaml.MappingNode):
         seen: dict[str, int] = {}
@@ -138,11 +149,15 @@ def _check(node: yaml.Node, above: dict[int, yaml.Node], done: set[int]) -> None
             seen[key.value] = key.start_mark.line + 1
             if key.tag != f"{TAG}merge":
                 key.tag = f"{TAG}str"
-            _check(value, inside, done)
+            count += _check(value, inside, done)
     else:
         for value in node.value:
-            _check(value, inside, done)
-    done.add(id(node))
+            count += _check(value, inside, done)
+    if count > MOST_ENTRIES:
+        reason = f"more than {MOST_ENTRIES} entries, with every alias (*name) written out"
+        raise yaml.constructor.ConstructorError(None, None, reason, node.start_mark)
+    done[id(node)] = count
+    return count
 
 
 def _said(error: yaml.MarkedYAMLError, text: str) -> str:

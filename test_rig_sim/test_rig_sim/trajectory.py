@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from phil_node.clear_words import ClearError
 from test_rig_sim.motion import Pace, at_rest, towards
 
 Array = npt.NDArray[np.float64]
@@ -109,7 +110,7 @@ def _from_file(name: str, period: float) -> Array:
 def _row(name: str, number: int, line: str) -> list[float]:
     words = [word.strip() for word in line.split(",")]
     if len(words) != 2 or not all(_NUMBER.match(word) for word in words):
-        raise ValueError(f"trajectory.file = {name}: line {number}: '{line.strip()}' is not 'time, position'")
+        raise ClearError(f"trajectory.file = {name}: line {number}: '{line.strip()}' is not 'time, position'")
     return [float(word) for word in words]
 
 
@@ -125,7 +126,7 @@ def check(positions: Array, shape: Shape, ability: Ability, period: float) -> No
         "sine": "trajectory.amplitude, trajectory.frequency",
         "chirp": "trajectory.amplitude, trajectory.frequency, trajectory.end_frequency",
         "steps": "trajectory.amplitude, motion.speed, motion.acceleration",
-        "file": "trajectory.file",
+        "file": f"trajectory.file = {shape.file}",
     }[shape.kind]
     padded = np.concatenate([positions[:1], positions, positions[-1:]])
     speed = np.diff(padded) / period

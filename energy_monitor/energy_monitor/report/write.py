@@ -20,6 +20,7 @@ from energy_monitor.report.document import document_text, write_document
 from energy_monitor.report.results import Report
 from energy_monitor.report.ride_parameters import parameters_of
 from energy_monitor.report.verdicts import STANDARD, Limits, read_limits
+from phil_node.clear_words import clear
 from phil_node.parameters import ParameterError, defaults
 
 SOFTWARE = ("numpy", "scipy", "numba", "daqp", "rosbags", "matplotlib", "jinja2", "pydantic")
@@ -27,6 +28,9 @@ SOFTWARE = ("numpy", "scipy", "numba", "daqp", "rosbags", "matplotlib", "jinja2"
 
 class ReportError(Exception):
     """No report can be made; the text is one line that says why."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(clear(" ".join(text.split())))
 
 
 def write_report(
@@ -79,7 +83,7 @@ def write_report(
             with whole(Path(json_file) if json_file else out / "report.json") as draft:
                 write_document(report, draft)
     except (BagError, ParameterError, LimitsError) as error:
-        raise ReportError(" ".join(str(error).split())) from error
+        raise ReportError(str(error)) from error
     except OSError as error:
         named = error.filename or ("standard output" if str(json_file) == "-" else out_dir or "the report")
         raise ReportError(f"{named}: {error.strerror or error}") from error

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from phil_node.clear_words import ClearError
 from phil_node.yaml_file import YamlError, read_yaml
 from test_rig_sim.pantographs.linear import MAX_STATES, ROUNDING, linear_pantograph, realise
 from test_rig_sim.pantographs.motion import CONTACT, LIFT, Pantograph
@@ -24,7 +25,7 @@ INPUTS = ("lift", "base", "base_rate", "contact_force")
 """Names of B's columns in a file, in the order of `motion.Pantograph`."""
 
 
-class PantographFileError(ValueError):
+class PantographFileError(ClearError):
     """A pantograph file is unusable; the text names file and key."""
 
 

@@ -1,0 +1,1 @@
+"""Damaged files of every kind that is read: what comes of them is judged. Run by ``scripts/fuzz.sh``."""
