@@ -7,18 +7,23 @@ numbers and switches so generously that a slip of the pen puts a rig onto anothe
 from __future__ import annotations
 
 import ctypes
+import fcntl
 import os
 import re
 import socket
+import struct
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, MutableMapping
+from contextlib import suppress
 from pathlib import Path
 from xml.etree import ElementTree
 
+SIOCGIFADDR = 0x8915
 WRONG = 2
 """Exit code."""
 LAST_DOMAIN = 232
 """From this domain on the ports of DDS would be beyond 65535."""
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 RANGES = ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT")
 SWITCHES = (
     "ROS_LOCALHOST_ONLY",
@@ -27,14 +32,67 @@ SWITCHES = (
     "RCUTILS_LOGGING_BUFFERED_STREAM",
 )
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+THIS_MACHINE = Path(__file__).with_name("this_machine.xml")
+"""Profile of Fast DDS that listens on 127.0.0.1 and in shared memory only."""
+OF_TRANSPORTS = ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "FASTDDS_BUILTIN_TRANSPORTS", *PROFILES)
+"""Variables by which a user says who is to be heard: with one of them the profile is left out."""
 
 
 def leave_if_unusable() -> None:
-    """End the process with code 2 and one line for everything that cannot work."""
+    """End the process with code 2 and one line for everything that cannot work; else keep it to this machine."""
     found = list(complaints(os.environ))
     if found:
         print("\n".join(found), file=sys.stderr)
         sys.exit(WRONG)
+    keep_to_this_machine(os.environ)
+
+
+def keep_to_this_machine(environment: MutableMapping[str, str]) -> None:
+    """Let nobody on the network find or reach the nodes, unless the environment says who may.
+
+    A discovery range of LOCALHOST makes nobody look for others, but with it alone Fast DDS still listens on every
+    address, and who names this machine in ROS_STATIC_PEERS gets in: the sockets are bound to 127.0.0.1 as well.
+
+    Args:
+        environment: of the process, before rclpy is imported; what it inherits.
+    """
+    given = {name for name, value in environment.items() if value}
+    if environment.get("ROS_LOCALHOST_ONLY") != "1" and RANGE not in given:
+        environment[RANGE] = "LOCALHOST"
+    local = environment.get(RANGE) == "LOCALHOST" or environment.get("ROS_LOCALHOST_ONLY") == "1"
+    if local and given.isdisjoint(OF_TRANSPORTS):
+        environment[PROFILES[0]] = str(THIS_MACHINE)
+
+
+def reach(environment: Mapping[str, str]) -> str:
+    """Say in one line who can find nodes with that environment, empty for this machine alone."""
+    given = {name: value for name, value in environment.items() if value}
+    peers = given.get("ROS_STATIC_PEERS", "").replace(";", ", ")
+    if given.get("ROS_LOCALHOST_ONLY") == "1":
+        return ""
+    if given.get(RANGE, RANGES[0]) != "LOCALHOST":
+        return (
+            f"open to the network: everybody on ROS domain {given.get('ROS_DOMAIN_ID', '0')} can move the drive, at "
+            f"{', '.join(addresses()) or 'no address of this machine'}"
+        )
+    if peers or (set(given) & set(OF_TRANSPORTS) and given.get(PROFILES[0]) != str(THIS_MACHINE)):
+        return (
+            f"open to {peers or 'whom the settings of Fast DDS let in'}, and to everybody who names an address of this "
+            f"machine as a peer ({', '.join(addresses())}): they can move the drive"
+        )
+    return ""
+
+
+def addresses() -> list[str]:
+    """Give the IPv4 addresses of this machine's network interfaces, without the loopback."""
+    found = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        for _, name in socket.if_nameindex():
+            request = struct.pack("256s", name.encode()[:15])
+            with suppress(OSError):  # an interface without an address
+                answer = fcntl.ioctl(asking.fileno(), SIOCGIFADDR, request)
+                found.append(socket.inet_ntoa(answer[20:24]))
+    return sorted(address for address in found if not address.startswith("127."))
 
 
 def complaints(environment: Mapping[str, str]) -> Iterator[str]:
@@ -121,11 +179,39 @@ def _peers(given: Mapping[str, str]) -> Iterator[str]:
 
 
 def _keys(given: Mapping[str, str]) -> Iterator[str]:
-    if given.get("ROS_SECURITY_ENABLE") != "true" or given.get("ROS_SECURITY_STRATEGY") != "Enforce":
+    # ROS takes every other word for no, and goes on without any protection.
+    for name, words in (
+        ("ROS_SECURITY_ENABLE", ("true", "false")),
+        ("ROS_SECURITY_STRATEGY", ("Enforce", "Permissive")),
+    ):
+        if given.get(name, words[0]) not in words:
+            yield f"{name}={given[name]}: has to be {' or '.join(words)}, written so"
+    if given.get("ROS_SECURITY_ENABLE") != "true":
+        return
+    if not _secured(given):
+        yield (
+            "ROS_SECURITY_ENABLE=true: the Fast DDS that is installed was built without its security plugins (as in "
+            "the wheels of ROS 2 Jazzy): source a ROS 2 Jazzy from apt, or unset it"
+        )
+        return
+    if given.get("ROS_SECURITY_STRATEGY") != "Enforce":
         return
     folder = given.get("ROS_SECURITY_KEYSTORE", "")
     if not Path(folder).is_dir() or not folder:
         yield f"ROS_SECURITY_KEYSTORE={folder}: is no folder, but ROS_SECURITY_STRATEGY=Enforce needs the keys in it"
+
+
+def _secured(given: Mapping[str, str]) -> bool:
+    """Tell whether Fast DDS has its security plugins; True where it is another middleware, or not to be found."""
+    if not given.get("RMW_IMPLEMENTATION", "rmw_fastrtps").startswith("rmw_fastrtps"):
+        return True
+    places = (Path(place) for place in given.get("LD_LIBRARY_PATH", "").split(os.pathsep) if place)
+    library = next((place / "libfastrtps.so" for place in places if (place / "libfastrtps.so").is_file()), None)
+    return library is None or _AUTHENTICATION in library.read_bytes()
+
+
+_AUTHENTICATION = b"PKI-DH"
+"""Part of the name of the plugin that lets participants prove who they are, in the library that has it."""
 
 
 def _logs(given: Mapping[str, str]) -> Iterator[str]:

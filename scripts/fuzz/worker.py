@@ -12,6 +12,7 @@ import os
 import resource
 import sys
 import traceback
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -43,7 +44,7 @@ def _answer(answers: IO[str], found: dict[str, Any]) -> None:
     answers.flush()
 
 
-def _tried(entry: Entry, case: Path, said: dict[int, IO[bytes]]) -> dict[str, Any]:
+def _tried(entry: Entry, case: Path, said: Mapping[int, IO[bytes]]) -> dict[str, Any]:
     """Read a case; give exit code, standard error, MiB, and where an exception came from, innermost place of ours."""
     for stream in said.values():
         stream.truncate(0)

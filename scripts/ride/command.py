@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from rich.console import Console
 
 from energy_monitor.beliefs import remark
 from phil_node.parameters import ParameterError
+from phil_node.surroundings import reach
 from ride.checks import notices
 from ride.folder import clear
 from ride.options import Options
@@ -36,7 +38,7 @@ def carry_out(options: Options) -> int:
     except OSError as error:
         errors.print(f"{options.out} cannot be written: {error.strerror}")
         return WRONG
-    for notice in said:
+    for notice in (*said, *filter(None, [reach(os.environ)])):
         errors.print(f"note: {notice}")
     return _ride_and_report(options, settings, console, errors)
 

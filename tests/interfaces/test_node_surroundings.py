@@ -6,10 +6,11 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
-from phil_node.surroundings import complaints, installed
+from phil_node.surroundings import THIS_MACHINE, addresses, complaints, installed, keep_to_this_machine, reach
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -114,3 +115,62 @@ def test_a_path_with_spaces_is_none_of_them(tmp_path: Path) -> None:
     script.parent.mkdir(parents=True)
     script.write_text((ROOT / "scripts/lib/environment.sh").read_text())
     subprocess.run(["bash", "-c", '. "$1" && PHIL_ROOT="${1%/*}" phil_check_path', "bash", str(script)], check=True)
+
+
+@pytest.mark.parametrize(
+    ("given", "discovery", "closed"),
+    [
+        ({}, "LOCALHOST", True),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": ""}, "LOCALHOST", True),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "LOCALHOST", True),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, "SUBNET", False),
+        ({"ROS_LOCALHOST_ONLY": "1"}, None, True),
+        ({"ROS_LOCALHOST_ONLY": "0"}, "LOCALHOST", True),
+        ({"ROS_STATIC_PEERS": "192.0.2.7"}, "LOCALHOST", False),
+        ({"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, "LOCALHOST", False),
+    ],
+)
+def test_nodes_keep_to_this_machine_unless_told_otherwise(
+    given: dict[str, str], discovery: str | None, closed: bool
+) -> None:
+    environment = dict(given)
+    keep_to_this_machine(environment)
+    assert environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == discovery
+    assert (environment.get("FASTRTPS_DEFAULT_PROFILES_FILE") == str(THIS_MACHINE)) == closed
+    assert (reach(environment) == "") == closed
+
+
+def test_the_profile_listens_on_the_loopback_alone() -> None:
+    names = {"dds": "http://www.eprosima.com"}
+    profile = ElementTree.parse(THIS_MACHINE)
+    assert [found.text for found in profile.iterfind(".//dds:address", names)] == ["127.0.0.1"]
+    assert [found.text for found in profile.iterfind(".//dds:useBuiltinTransports", names)] == ["false"]
+
+
+def test_who_opens_a_ride_is_told_to_whom() -> None:
+    for given in ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, {"ROS_STATIC_PEERS": "192.0.2.7"}):
+        environment = {**given, "ROS_DOMAIN_ID": "7"}
+        keep_to_this_machine(environment)
+        said = reach(environment)
+        assert "move the drive" in said and "\n" not in said
+        assert all(address in said for address in addresses())
+        assert "192.0.2.7" in said or "domain 7" in said
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"ROS_SECURITY_ENABLE": "True"}, "ROS_SECURITY_ENABLE=True: has to be true or false"),
+        ({"ROS_SECURITY_STRATEGY": "enforce"}, "ROS_SECURITY_STRATEGY=enforce: has to be Enforce or Permissive"),
+    ],
+)
+def test_slips_that_would_switch_security_off_are_refused(given: dict[str, str], words: str) -> None:
+    (line,) = said(**given)
+    assert line.startswith(words)
+
+
+@pytest.mark.parametrize("secured", [False, True])
+def test_security_needs_a_middleware_that_has_it(tmp_path: Path, secured: bool) -> None:
+    (tmp_path / "libfastrtps.so").write_bytes(b"\x7fELF" + (b"DDS:Auth:PKI-DH:1.0" if secured else b""))
+    found = said(ROS_SECURITY_ENABLE="true", LD_LIBRARY_PATH=str(tmp_path), ROS_SECURITY_KEYSTORE=str(tmp_path))
+    assert [line.split(":")[0] for line in found] == ([] if secured else ["ROS_SECURITY_ENABLE=true"])
