@@ -15,7 +15,6 @@ from energy_monitor.limits import LimitsError
 from phil_node.clear_words import ClearError, clear
 from phil_node.parameters import ParameterError
 from phil_node.yaml_file import MOST_ENTRIES, YamlError, parse_yaml
-from test_rig_sim.trajectory import Ability, Shape, check, sample
 
 
 @given(st.text(max_size=3000))
@@ -57,11 +56,3 @@ def test_a_bag_whose_metadata_stands_for_too_much_is_known_by_its_files(tmp_path
     (tmp_path / "metadata.yaml").write_text(information)
     source = open_source(tmp_path)
     assert not source.listed and [file.name for file in source.files] == ["bag.mcap"]
-
-
-def test_a_trajectory_that_asks_for_too_much_is_named(tmp_path: Path) -> None:
-    file = tmp_path / "far.csv"
-    file.write_text("0.0, 0.0\n1.0, 9.0\n")
-    shape = Shape("file", 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, str(file))
-    with pytest.raises(ValueError, match=r"trajectory.file = .*far.csv: the trajectory asks for a position of 9"):
-        check(sample(shape, None, 0.002), shape, Ability(0.3, 1.0, 10.0), 0.002)  # type: ignore[arg-type]

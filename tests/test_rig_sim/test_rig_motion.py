@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from rig_rules import LIMITS, TOUCH, TS
 
@@ -187,3 +187,44 @@ def test_ticks_given_up_move_steady_and_wall_clock_alike() -> None:
     assert clock.skipped == 7
     assert clock.due(3, 10.5 * TS) == 0
     assert clock.stamp(3) == 20_000_000
+
+
+def test_a_trajectory_from_a_file_that_asks_for_too_much_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "far.csv"
+    file.write_text("0.0, 0.0\n1.0, 9.0\n")
+    shape = SHAPE._replace(kind="file", file=str(file))
+    with pytest.raises(ValueError, match=r"trajectory\.file = .*far\.csv: the trajectory asks for a position of 9 m"):
+        check(sample(shape, PACE, TS), shape, ABLE, TS)
+
+
+def test_what_is_no_number_is_no_trajectory() -> None:
+    positions = np.array([0.0, math.nan, 0.0])
+    with pytest.raises(ValueError, match="asks for a position of nan"):
+        check(positions, SHAPE, ABLE, TS)
+
+
+steps_and_positions = st.lists(
+    st.tuples(
+        st.floats(0.0, 1.0, exclude_min=True),
+        st.floats(-1.0, 1.0) | st.floats(allow_nan=False, allow_infinity=False),
+    ),
+    min_size=2,
+    max_size=6,
+)
+
+
+@given(steps_and_positions)
+@example([(1e-300, 0.0), (1e-300, 0.006), (0.2, 0.01)])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_curve_through_a_file_is_a_number_everywhere_or_refused(
+    tmp_path: Path, rows: list[tuple[float, float]]
+) -> None:
+    file = tmp_path / "any.csv"
+    times = np.cumsum([step for step, _ in rows])
+    file.write_text("".join(f"{time!r}, {row[1]!r}\n" for time, row in zip(times.tolist(), rows, strict=True)))
+    try:
+        found = sample(SHAPE._replace(kind="file", file=str(file)), PACE, TS)
+    except ValueError as error:
+        assert str(error).startswith(f"trajectory.file = {file}: ")
+        return
+    assert np.all(np.isfinite(found))
