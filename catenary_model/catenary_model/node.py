@@ -16,10 +16,12 @@ from catenary_model.reach import far_from_nominal
 from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from catenary_model.sequence import Sequence, Verdict
 from phil_node.base import ERROR, OK, WARN, Diagnosis, PhilNode, leave, run
+from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED, VIEW
 
 FRAME = "train"
+SEGMENT = ("segment_displacement", "segment_velocity", "segment_acceleration", "segment_force")
 WARM_UP_CYCLES = 20
 
 
@@ -40,7 +42,7 @@ class CatenaryNode(PhilNode[Parameters]):
         self._bridged = 0
         self._ts_ns = round(p.cycle_time * 1e9)
         self._shape_every = p.wire_shape_every
-        self._state_publisher = self.publish_on(CatenaryState, "~/state", CYCLE_KEPT)
+        self._state_publisher = self.send_cycles(CatenaryState, "~/state", CYCLE_KEPT, peers=1)
         self._shape_publisher = self.publish_on(WireShape, "~/wire_shape", VIEW)
         model_publisher = self.publish_always(ImpedanceModel, "~/impedance_model", LATCHED)
         self.time_cycles(p.cycle_time)
@@ -50,7 +52,7 @@ class CatenaryNode(PhilNode[Parameters]):
             self._fill_shape()
         self.catenary.reset()
         model_publisher.publish(self._impedance_model())
-        self.listen(ImpedanceCommand, "impedance_mpc/command", CYCLE, self._on_command)
+        self.receive_cycles(ImpedanceCommand, "impedance_mpc/command", CYCLE, self._on_command)
         self.every(0.5 * p.resend_time, self._resend)
 
     def start(self) -> None:
@@ -133,7 +135,7 @@ class CatenaryNode(PhilNode[Parameters]):
             self._send_state()
 
     def _send_state(self) -> None:
-        self._state_publisher.publish(self._state)
+        self._state_publisher.publish(self._state_writer)
         self._sent_at = monotonic()
 
     def _publish(self) -> None:
@@ -155,14 +157,10 @@ class CatenaryNode(PhilNode[Parameters]):
     def _prepare_messages(self) -> None:
         """Make the messages whose arrays the cycle only overwrites."""
         c = self.catenary
-        self._state = CatenaryState()
-        self._state.header.frame_id = FRAME
+        self._state_writer = Plan(CatenaryState, FRAME, dict.fromkeys(SEGMENT, c.reduced.n)).writer()
+        self._state = self._state_writer.message
         self._state.speed = c.config.speed
-        fields = ("segment_displacement", "segment_velocity", "segment_acceleration", "segment_force")
-        for field in fields:
-            setattr(self._state, field, array("d", bytes(8 * c.reduced.n)))
-        # a field may copy what it is given, so look at what it has kept
-        self._buffers = [np.frombuffer(getattr(self._state, field), dtype=np.float64) for field in fields]
+        self._buffers = [getattr(self._state, field) for field in SEGMENT]
         self._sent_at = 0.0
         view = c.wire_shape()
         self._shape = WireShape()
@@ -171,7 +169,8 @@ class CatenaryNode(PhilNode[Parameters]):
 
     def _fill_shape(self) -> None:
         view, shape = self.catenary.wire_shape(), self._shape
-        shape.header.stamp = self._state.header.stamp
+        stamp, now = shape.header.stamp, self._state.header.stamp
+        stamp.sec, stamp.nanosec = now.sec, now.nanosec
         shape.cycle = self.catenary.cycle
         shape.track_position = self.catenary.track_position
         shape.contact = array("f", view.contact.tobytes())

@@ -18,6 +18,7 @@ from energy_monitor.audit import HEARTBEAT, Audit, CatenarySample, CommandSample
 from energy_monitor.limits import chosen, evaluate, verdict
 from energy_monitor.parameters import Parameters
 from phil_node.base import Diagnosis, PhilNode, leave, run
+from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
 from phil_node.guard import finite, objection
 from phil_node.qos import CYCLE, CYCLE_KEPT
@@ -56,9 +57,8 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         parameters = self.parameters
         self._standard = chosen(parameters.limits.file, parameters.limits.standard)
         self._audit = Audit(parameters, self.timing.refuse)
-        self._quality_message = ContactQuality()
-        self._books_message = ConservedQuantities()
-        self._quality_message.header.frame_id = self._books_message.header.frame_id = "rig"
+        self._quality_writer = Plan(ContactQuality, "rig").writer()
+        self._books_writer = Plan(ConservedQuantities, "rig").writer()
         self._initial: Any = None
         self._clear()
         self._quality_out = self.publish_on(ContactQuality, topics.CONTACT_QUALITY)
@@ -66,14 +66,10 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         self.listen(RigState, topics.RIG_STATE, DEEP, self._on_rig)
         self.listen(ImpedanceCommand, topics.COMMAND, DEEP_KEPT, self._on_command)
         self.listen(ConservedQuantities, topics.BELIEVED, DEEP, self._on_believed)
-        # Not by listen(): the catenary's initial state may come before this node is active, and belongs to the books.
-        self._catenary = self.create_subscription(CatenaryState, topics.CATENARY_STATE, self._on_catenary, DEEP_KEPT)
+        # The catenary's initial state may come before this node is active, and belongs to the books.
+        self.listen(CatenaryState, topics.CATENARY_STATE, DEEP_KEPT, self._on_catenary, always=True)
         self.every(HEARTBEAT, lambda: self._audit.alive(monotonic()))
         self.time_cycles(parameters.cycle_time)
-
-    def discard(self) -> None:
-        """Disconnect what the base does not know."""
-        self.destroy_subscription(self._catenary)
 
     def start(self) -> None:
         """Open new books, beginning with the catenary's initial state if it is there already."""
@@ -227,7 +223,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         timing.missing, timing.stale, timing.refused = sum(matcher.missing), matcher.stale, audit.refused
 
     def _publish_books(self, cycle: int, header: Any) -> None:
-        books, message = self._audit.books, self._books_message
+        books, message = self._audit.books, self._books_writer.message
         message.header.stamp = header.stamp
         message.cycle = cycle
         message.e_tr, message.e_cat, message.delta_e = books.e_tr, books.e_cat, books.delta_e
@@ -236,10 +232,10 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         message.exchanged_momentum = books.exchanged_momentum
         message.work_tr, message.work_cat, message.impulse_tr, message.impulse_cat = books.accumulated
         message.delta_work = books.delta_work
-        self._books_out.publish(message)
+        self._books_out.publish(self._books_writer)
 
     def _publish_quality(self, cycle: int, header: Any) -> None:
-        quality, message = self._audit.quality, self._quality_message
+        quality, message = self._audit.quality, self._quality_writer.message
         statistics = quality.statistics
         message.header.stamp = header.stamp
         message.cycle = cycle
@@ -250,7 +246,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         message.statistical_minimum = statistics.statistical_minimum
         message.statistical_maximum = statistics.statistical_maximum
         message.loss_share, message.losses = statistics.loss_share, statistics.losses
-        self._quality_out.publish(message)
+        self._quality_out.publish(self._quality_writer)
 
 
 def _share(part: float, whole: float) -> str:

@@ -18,6 +18,7 @@ from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
+from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
 from phil_node.guard import finite, finite_array, objection
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED
@@ -57,15 +58,15 @@ class ImpedanceNode(PhilNode[Parameters]):
         zeros = np.zeros(model.n)
         self.segment = (zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy())
         self.pairs.clear()
-        self.answer = ImpedanceCommand()
-        self.answer.header.frame_id = "rig"
-        self.quantities = ConservedQuantities()
-        self.quantities.header.frame_id = "rig"
-        self.commands = self.publish_on(ImpedanceCommand, "impedance_mpc/command", CYCLE_KEPT)
+        self.answer_writer = Plan(ImpedanceCommand, "rig").writer()
+        self.answer = self.answer_writer.message
+        self.quantities_writer = Plan(ConservedQuantities, "rig").writer()
+        self.quantities = self.quantities_writer.message
+        self.commands = self.send_cycles(ImpedanceCommand, "impedance_mpc/command", CYCLE_KEPT, peers=2)
         self.books = self.publish_on(ConservedQuantities, "impedance_mpc/conserved_quantities", CYCLE)
         self.time_cycles(self.parameters.cycle_time)
-        self.listen(CatenaryState, "catenary_model/state", CYCLE, self._take_catenary)
-        self.listen(RigState, "test_rig_sim/state", CYCLE, self._take_rig)
+        self.receive_cycles(CatenaryState, "catenary_model/state", CYCLE, self._take_catenary)
+        self.receive_cycles(RigState, "test_rig_sim/state", CYCLE, self._take_rig)
 
     def start(self) -> None:
         """Begin at cycle 0."""
@@ -174,7 +175,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
         elif arrival is Arrival.REPEATED and self.answer.cycle == state.cycle:
-            self.commands.publish(self.answer)
+            self.commands.publish(self.answer_writer)
 
     def _take_catenary(self, state: CatenaryState) -> None:
         self.timing.begin()
@@ -252,7 +253,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         answer.correction, answer.status = result.correction, result.status
         answer.iterations = 0 if result.status == FALLBACK else min(result.iterations, 65535)
         answer.fallbacks = result.fallbacks
-        self.commands.publish(answer)
+        self.commands.publish(self.answer_writer)
 
     def _send_books(self, rig: RigState, cycle: int) -> None:
         message, books = self.quantities, self.switch.books
@@ -264,7 +265,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         message.exchanged_momentum = books.exchanged_momentum
         message.work_tr, message.work_cat, message.delta_work = books.work_tr, books.work_cat, books.delta_work
         message.impulse_tr, message.impulse_cat = books.impulse_tr, books.impulse_cat
-        self.books.publish(message)
+        self.books.publish(self.quantities_writer)
 
 
 def main() -> None:

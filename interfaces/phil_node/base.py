@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
+import threading
 from collections.abc import Callable
 from time import monotonic, time_ns
 from typing import Any, Generic, TypeVar
@@ -19,10 +21,15 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from phil_node.bounded_log import BoundedLog
+from phil_node.cdr import Reader
 from phil_node.changes import as_declared, fixed_while_active, merged
+from phil_node.cycle_thread import CycleThread, CycleTimer
 from phil_node.declare import declare
 from phil_node.diagnosis import ERROR, LOOK, OK, STALE, WARN, Diagnosis, Reporter
+from phil_node.link import Inlet, Outlet, address
+from phil_node.outbox import Outbox
 from phil_node.parameters import Group, ParameterError, defaults, infos, values_of
+from phil_node.paths import CycleReceiver, CycleSender, Sender
 from phil_node.process import RCLError, leave, run
 from phil_node.qos import CYCLE
 from phil_node.timing import Timing
@@ -33,6 +40,8 @@ HAND_OVER = 1.0
 """Time in s that listeners have to take the last messages when a node is deactivated."""
 QUIET = 1.0
 """Time in s without a cycle after which a ride counts as over."""
+SWITCH = 5e-5
+"""Time in s for which the cycle's thread at most waits for Python code of another thread of its process."""
 LOCKSTEP = "lockstep"
 """Value of the parameter ``mode`` of a ride that waits for its cycles; any other runs by the wall clock."""
 
@@ -59,6 +68,13 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.parameters: P = declare(self, model, defaults(name))
         self.timing = Timing()
         self.finished = Future()
+        # Held by whoever touches the cycle's state: its thread, or the executor's for services, timers and parameters.
+        self.lock = threading.RLock()
+        self.failure: BaseException | None = None
+        self._outbox = Outbox()
+        self._thread = CycleThread(self.lock, self._fail, self._look_for_peers)
+        self._receivers: list[CycleReceiver] = []
+        self._outlets: list[Outlet] = []
         self.configured = False
         self.active = False
         self._stale_build = False
@@ -140,6 +156,16 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
 
     def publish_on(self, kind: Any, name: str, qos: QoSProfile = CYCLE) -> Any:
         """Create a publisher that is silent unless the node is active."""
+        return Sender(self._lifecycle_publisher(kind, name, qos), self._outbox)
+
+    def send_cycles(self, kind: Any, name: str, qos: QoSProfile, peers: int) -> CycleSender:
+        """Create a publisher of a message a cycle that ``peers`` nodes of the loop wait for; it links them as well."""
+        publisher = self._lifecycle_publisher(kind, name, qos)
+        outlet = Outlet(address(self.context.get_domain_id(), str(publisher.topic_name)))
+        self._outlets.append(outlet)
+        return CycleSender(publisher, self._outbox, outlet, peers)
+
+    def _lifecycle_publisher(self, kind: Any, name: str, qos: QoSProfile) -> Any:
         publisher = self.create_lifecycle_publisher(kind, name, qos)
         self._owned.append((self.destroy_lifecycle_publisher, publisher))
         return publisher
@@ -150,14 +176,43 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self._owned.append((self.destroy_publisher, publisher))
         return publisher
 
-    def listen(self, kind: Any, name: str, qos: QoSProfile, callback: Callable[[Any], None]) -> Any:
-        """Create a subscription; messages that come while the node is not active are dropped."""
+    def listen(
+        self, kind: Any, name: str, qos: QoSProfile, callback: Callable[[Any], None], always: bool = False
+    ) -> Any:
+        """Create a subscription; messages that come while the node is not active are dropped, unless ``always``."""
+        reader = Reader(kind)
 
-        def when_active(message: Any) -> None:
-            if self.active:
-                callback(message)
+        def when_active(data: bytes) -> None:
+            if self.active or always:
+                callback(reader.read(data))
 
-        subscription = self.create_subscription(kind, name, when_active, qos)
+        return self._subscribe(kind, name, qos, when_active)
+
+    def receive_cycles(self, kind: Any, name: str, qos: QoSProfile, callback: Callable[[Any], None]) -> CycleReceiver:
+        """Listen to a message a cycle, by the link to its sender if there is one, and on the topic.
+
+        ``callback`` is called with the node's lock held; messages that come while the node is not active are dropped.
+        """
+
+        def when_active(data: bytes) -> None:
+            with self.lock:
+                if self.active:
+                    receiver.from_topic(data)
+
+        subscription = self._subscribe(kind, name, qos, when_active)
+        inlet = Inlet(address(self.context.get_domain_id(), str(subscription.topic_name)))
+        receiver = CycleReceiver(kind, inlet, self._thread, callback)
+        self._receivers.append(receiver)
+        return receiver
+
+    def cycle_timer(self, period: float, callback: Callable[[], None]) -> CycleTimer:
+        """Create a timer of the cycle's thread, which stands still until its ``reset``; it goes with the design."""
+        timer = self._thread.timer(period, callback)
+        self._owned.append((self._thread.drop, timer))
+        return timer
+
+    def _subscribe(self, kind: Any, name: str, qos: QoSProfile, callback: Callable[[bytes], None]) -> Any:
+        subscription = self.create_subscription(kind, name, callback, qos, raw=True)
         self._owned.append((self.destroy_subscription, subscription))
         return subscription
 
@@ -165,8 +220,9 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         """Create a timer of ``period`` s that runs while the node is active."""
 
         def when_active() -> None:
-            if self.active:
-                callback()
+            with self.lock:
+                if self.active:
+                    callback()
 
         timer = self.create_timer(period, when_active, clock=self.steady)
         self._owned.append((self.destroy_timer, timer))
@@ -184,7 +240,8 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
                 response.success, response.message = False, f"{self.get_name()} is not configured"
                 return response
             try:
-                return callback(request, response)
+                with self.lock:
+                    return callback(request, response)
             except Exception as error:
                 self.log.error(f"{name}: {error}")
                 response.success, response.message = False, str(error) or type(error).__name__
@@ -214,17 +271,23 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             gc.collect()
             gc.freeze()
             gc.disable()
+            sys.setswitchinterval(SWITCH)
             # Publishers first: start() may publish at once.
             LifecycleNode.on_activate(self, state)
+            self._outbox.start()
             self.active = True
             try:
-                self.start()
+                with self.lock:
+                    self.start()
             except Exception:
                 self.active = False
+                self._outbox.stop()
                 LifecycleNode.on_deactivate(self, state)
                 gc.enable()
                 gc.unfreeze()
                 raise
+            if self._receivers or self._outlets:
+                self._thread.start()
 
         return self._attempt("activate", activate)
 
@@ -280,11 +343,28 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
 
     def _halt(self) -> None:
         self.active = False
+        self._thread.stop()
+        for receiver in self._receivers:
+            receiver.close()
         gc.enable()
         gc.unfreeze()
         self.stop()
         self.timing.finish()
+        self._outbox.stop()
         self._hand_over()
+
+    def _look_for_peers(self) -> None:
+        """Link who has come; in the cycle's thread."""
+        for outlet in self._outlets:
+            if outlet.alone:
+                self._thread.watch(outlet.held.fileno(), outlet.accept)
+        for receiver in self._receivers:
+            receiver.look()
+
+    def _fail(self, error: BaseException) -> None:
+        """Keep what went wrong in the cycle's thread: the process ends with it."""
+        self.active = False
+        self.failure = error
 
     def _hand_over(self) -> None:
         """Let slow listeners take what was sent: with the publisher its samples go. A dead listener costs a second."""
@@ -301,6 +381,12 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self._destroy_owned()
 
     def _destroy_owned(self) -> None:
+        for outlet in self._outlets:
+            if outlet.alone:
+                self._thread.forget(outlet.held.fileno())
+            outlet.close()
+        self._outlets.clear()
+        self._receivers.clear()
         for destroy, entity in reversed(self._owned):
             destroy(entity)
         self._owned.clear()
@@ -316,9 +402,10 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             response.success, response.message = False, f"{self.get_name()} was not reset: {reason}"
             return response
         try:
-            self.timing.finish()
-            self.timing.clear()
-            self.reset()
+            with self.lock:
+                self.timing.finish()
+                self.timing.clear()
+                self.reset()
         except Exception as error:
             response.success, response.message = False, str(error)
         else:
@@ -342,11 +429,12 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         names = frozenset(change.name for change in changes if change.name in ours)
         if not names:
             return
-        self.parameters = merged(self.parameters, changes)
-        if self.configured and not names <= self._live:
-            self._stale_build = True
-        elif self.configured:
-            self.changed(names)
+        with self.lock:
+            self.parameters = merged(self.parameters, changes)
+            if self.configured and not names <= self._live:
+                self._stale_build = True
+            elif self.configured:
+                self.changed(names)
 
     def _publish_diagnosis(self) -> None:
         self._reporter.publish()

@@ -63,6 +63,8 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
         # Not spin_once(): entering it costs 25 us a message. Not spin(): it ignores signals.
         while rclpy.ok() and not node.finished.done() and not ending.asked:
             executor.spin_until_future_complete(node.finished, timeout_sec=SIGNAL_SECONDS)
+            if node.failure is not None:
+                raise node.failure
         if ending.asked and not node.finished.done():
             node.trigger_shutdown()
         elif rclpy.ok():

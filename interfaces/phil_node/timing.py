@@ -149,7 +149,8 @@ class Timing:
         if self._send is None or self._filled == 0:
             return
         message = self._message
-        message.header.stamp = header.stamp
+        stamp, now = message.header.stamp, header.stamp
+        stamp.sec, stamp.nanosec = now.sec, now.nanosec
         message.header.frame_id = "rig"
         message.cycle = cycle
         message.turnaround = array.array("f", self._batch[: self._filled].tobytes())

@@ -10,6 +10,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
+from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
 from phil_node.qos import CYCLE, VIEW
 from test_rig_sim.diagnosis import diagnosis, missing_command, missing_listeners, to_go_on
@@ -53,20 +54,20 @@ class RigNode(PhilNode[Parameters]):
         self._rig = Rig(p)
         self._rules = rules(p, self._rig.plant.loop)
         self._rig.advance(0.0, 0.0)
-        self._message = RigState()
-        self._message.header.frame_id = "rig"
+        self._writer = Plan(RigState, "rig").writer()
+        self._message = self._writer.message
         self._joints = JointState()
         self._joints.header.frame_id = "rig"
         self._joints.name = ["drive", *(f"pantograph_{i}" for i in range(1, self._rig.bodies)), "pantograph_head"]
         self._wrench = WrenchStamped()
         self._wrench.header.frame_id = "rig"
-        self._state_out = self.publish_on(RigState, "test_rig_sim/state", CYCLE)
+        self._state_out = self.send_cycles(RigState, "test_rig_sim/state", CYCLE, peers=1)
         self._joints_out = self.publish_on(JointState, "test_rig_sim/joint_states", VIEW)
         self._wrench_out = self.publish_on(WrenchStamped, "test_rig_sim/contact_force", VIEW)
         self.time_cycles(p.cycle_time, count_overruns=False)
-        self.listen(ImpedanceCommand, "impedance_mpc/command", CYCLE, self._take_command)
+        self.receive_cycles(ImpedanceCommand, "impedance_mpc/command", CYCLE, self._take_command)
         self.every(0.02, self._look_around)
-        self._tick = self.create_timer(p.cycle_time, self._on_tick, clock=self.steady, autostart=False)
+        self._tick = self.cycle_timer(p.cycle_time, self._on_tick)
         self._restart()
 
     def start(self) -> None:
@@ -80,11 +81,6 @@ class RigNode(PhilNode[Parameters]):
         self._tick.cancel()
         self._phase = ENDED
         self._report()
-
-    def discard(self) -> None:
-        """Destroy the tick."""
-        self._tick.cancel()
-        self.destroy_timer(self._tick)
 
     def reset(self) -> None:
         """Begin anew with cycle 0: books, noise, refusals and a tripped supervisor."""
@@ -198,7 +194,7 @@ class RigNode(PhilNode[Parameters]):
         message.late_commands = self.timing.late
         self._command, self._answered = None, False
         self._asked_at = self._published_at[cycle % MEMORY] = time.monotonic()
-        self._state_out.publish(message)
+        self._state_out.publish(self._writer)
         if message.last and self._phase == TICKING:
             self._tick.cancel()
             self._phase = ASKING
@@ -217,7 +213,9 @@ class RigNode(PhilNode[Parameters]):
     def _publish_views(self) -> None:
         rig, message = self._rig, self._message
         displacement, velocity = rig.pantograph_state()
-        self._joints.header.stamp = self._wrench.header.stamp = message.header.stamp
+        now = message.header.stamp
+        for stamp in (self._joints.header.stamp, self._wrench.header.stamp):
+            stamp.sec, stamp.nanosec = now.sec, now.nanosec
         self._joints.position = [message.w_tr, *displacement.tolist()]
         self._joints.velocity = [message.v_tr, *velocity.tolist()]
         self._joints.effort = [rig.plant.drive.force_constant * message.current, *([0.0] * rig.bodies)]
@@ -284,7 +282,7 @@ class RigNode(PhilNode[Parameters]):
                 self._start_ticking()
             else:
                 self._asked_at = now
-                self._state_out.publish(self._message)
+                self._state_out.publish(self._writer)
 
     def _moves_alone(self) -> bool:
         """Whether the cycle goes on though nobody answers: to get the drive to rest, or because nobody has to."""

@@ -1,0 +1,225 @@
+"""Messages of the cycle as bytes: what rclpy reads and writes, at fixed offsets, without its message objects.
+
+A message of the cycle has numbers, a header whose frame never changes, and at its end arrays whose lengths never change:
+in CDR, the encoding of DDS, each of its fields then stands at one place. One `struct` call reads or writes all numbers.
+What does not fit such a plan (another frame, another length) is left to rclpy.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from struct import Struct
+from typing import Any
+
+import numpy as np
+from rclpy.serialization import deserialize_message
+
+CODES = {
+    "boolean": "?",
+    "octet": "B",
+    "uint8": "B",
+    "int8": "b",
+    "uint16": "H",
+    "int16": "h",
+    "uint32": "I",
+    "int32": "i",
+    "uint64": "Q",
+    "int64": "q",
+    "float": "f",
+    "double": "d",
+}
+"""Types of IDL to the codes of `struct` and of numpy; a number is aligned to its size, counted from behind `HEAD`."""
+HEAD = b"\x00\x01\x00\x00"
+"""Beginning of a message in plain CDR, little-endian."""
+HEADER = "std_msgs/Header"
+SEQUENCE = re.compile(r"sequence<(\w+)>")
+
+
+class Stamp:
+    """Time of a header in s and ns, named as in builtin_interfaces/Time."""
+
+    __slots__ = ("nanosec", "sec")
+
+    def __init__(self) -> None:
+        self.sec = self.nanosec = 0
+
+
+class Header:
+    """Header, named as in std_msgs/Header."""
+
+    __slots__ = ("frame_id", "stamp")
+
+    def __init__(self, frame_id: str) -> None:
+        self.stamp, self.frame_id = Stamp(), frame_id
+
+
+class Plan:
+    """Where each field of a kind of message stands, if its frame and the lengths of its arrays never change.
+
+    Args:
+        kind: class of messages: at most a header first, then numbers, then arrays of numbers.
+        frame_id: of the header.
+        sizes: field to number of entries, of each array.
+
+    Raises
+    ------
+    ValueError
+        The message has a field that has no fixed place: a text, another message, a number behind an array.
+    """
+
+    def __init__(self, kind: Any, frame_id: str = "", sizes: Mapping[str, int] | None = None) -> None:
+        self.kind, self.frame_id = kind, frame_id
+        self.arrays: dict[str, tuple[int, str, int]] = {}
+        self._sizes = dict(sizes or {})
+        self._at = 0
+        self._format = "<"
+        self._scalars: list[str] = []
+        self._marks = [(0, HEAD)]
+        fields = kind.get_fields_and_field_types()
+        for name, type_name in fields.items():
+            self._place(name, type_name)
+        self.size = len(HEAD) + self._at
+        constants = {name: getattr(kind, name) for name in dir(kind) if name.isupper()}
+        self._view: Any = type(f"{kind.__name__}View", (), {"__slots__": tuple(fields), **constants})
+        self._put, self._get = self._compile()
+
+    def _place(self, name: str, type_name: str) -> None:
+        sequence = SEQUENCE.fullmatch(type_name)
+        if type_name == HEADER and not self._at:
+            self._number("I", "header.stamp.sec")
+            self._number("I", "header.stamp.nanosec")
+            self._mark(Struct("<I").pack(len(self.frame_id) + 1) + self.frame_id.encode() + b"\0")
+        elif type_name in CODES and not self.arrays:
+            self._number(CODES[type_name], name)
+        elif sequence and sequence[1] in CODES:
+            code, size = CODES[sequence[1]], self._sizes.get(name, 0)
+            self._mark(Struct("<I").pack(size))
+            width = np.dtype(code).itemsize
+            if size:
+                self._at += -self._at % width
+            self.arrays[name] = (len(HEAD) + self._at, code, size)
+            self._at += size * width
+        else:
+            raise ValueError(f"{self.kind.__name__}: '{name}' ({type_name}) has no fixed place")
+
+    def _number(self, code: str, name: str) -> None:
+        width = Struct("<" + code).size
+        gap = -self._at % width
+        self._format += (f"{gap}x" if gap else "") + code
+        self._at += gap + width
+        self._scalars.append(name)
+
+    def _mark(self, content: bytes) -> None:
+        """Place what is the same in each message: a frame, the length of an array (both begin with a count)."""
+        gap = -self._at % 4
+        self._marks.append((len(HEAD) + self._at + gap, content))
+        if not self.arrays:
+            self._format += (f"{gap}x" if gap else "") + f"{len(content)}s"
+            self._scalars.append(f"mark_{len(self._marks) - 1}")
+        self._at += gap + len(content)
+
+    def _compile(self) -> tuple[Callable[[Any, bytearray], None], Callable[[Any, bytes], None]]:
+        """Write the two functions that move all numbers at once: a loop over the names takes five times as long."""
+        struct = Struct(self._format)
+        space: dict[str, Any] = {"pack_into": struct.pack_into, "unpack_from": struct.unpack_from}
+        space |= {f"mark_{i}": content for i, (_, content) in enumerate(self._marks)}
+        names = [name if name.startswith("mark_") else f"m.{name}" for name in self._scalars]
+        targets = ["_" if name.startswith("mark_") else name for name in names]
+        source = f"def put(m, data):\n pack_into(data, {len(HEAD)}, {', '.join(names)})\n"
+        source += f"def get(m, data):\n {', '.join(targets)}, = unpack_from(data, {len(HEAD)})\n"
+        exec(source, space)  # names of fields, out of a message's own definition, and nothing else
+        return space["put"], space["get"]
+
+    def fits(self, data: bytes) -> bool:
+        """Tell whether these bytes are laid out as planned."""
+        return len(data) == self.size and all(data[at : at + len(mark)] == mark for at, mark in self._marks)
+
+    def read(self, data: bytes) -> Any:
+        """Give the message in these bytes, with the fields' names; arrays of one that fits are views of the bytes.
+
+        One that does not fit is given as rclpy reads it.
+
+        Raises
+        ------
+        Exception
+            The bytes are no message of this kind.
+        """
+        if not self.fits(data):
+            return deserialize_message(data, self.kind)
+        message = self._view()
+        message.header = Header(self.frame_id)
+        self._get(message, data)
+        for name, (at, code, size) in self.arrays.items():
+            setattr(message, name, np.frombuffer(data, code, size, at))
+        return message
+
+    def writer(self) -> Writer:
+        """Give a message to be filled and sent again and again."""
+        buffer = bytearray(self.size)
+        message, empty = self._view(), self.kind()
+        for name in self.kind.get_fields_and_field_types():
+            setattr(message, name, getattr(empty, name))
+        message.header = Header(self.frame_id)
+        for at, mark in self._marks:
+            buffer[at : at + len(mark)] = mark
+        for name, (at, code, size) in self.arrays.items():
+            setattr(message, name, np.frombuffer(buffer, code, size, at))
+        return Writer(message, buffer, self._put)
+
+
+class Writer:
+    """One message that is written each cycle: set the numbers of ``message``, fill its arrays in place, take `bytes`."""
+
+    def __init__(self, message: Any, buffer: bytearray, put: Callable[[Any, bytearray], None]) -> None:
+        self.message, self._buffer, self._put = message, buffer, put
+
+    def bytes(self) -> bytes:
+        """Give the message as it stands in CDR.
+
+        Raises
+        ------
+        struct.error
+            A number is not of its field's type, or too large for it.
+        """
+        self._put(self.message, self._buffer)
+        return bytes(self._buffer)
+
+
+LESSONS = 8
+"""Layouts that a reader learns; one that meets more is fed by different senders in turn, and leaves them to rclpy."""
+
+
+class Reader:
+    """Reads the messages of a topic by a plan that it learns from the first one."""
+
+    def __init__(self, kind: Any) -> None:
+        self._kind = kind
+        self._plan: Plan | None = None
+        self._lessons = LESSONS
+
+    def read(self, data: bytes) -> Any:
+        """Give the message, as `Plan.read` does.
+
+        Raises
+        ------
+        Exception
+            The bytes are no message of this kind.
+        """
+        plan = self._plan
+        if plan is not None and plan.fits(data):
+            return plan.read(data)
+        message = deserialize_message(data, self._kind)
+        if self._lessons:
+            self._lessons -= 1
+            self._learn(message)
+        return message
+
+    def _learn(self, message: Any) -> None:
+        header = getattr(message, "header", None)
+        types = self._kind.get_fields_and_field_types()
+        sizes = {name: len(getattr(message, name)) for name in types if SEQUENCE.fullmatch(types[name])}
+        try:
+            self._plan = Plan(self._kind, "" if header is None else header.frame_id, sizes)
+        except ValueError:
+            self._lessons = 0

@@ -1,0 +1,106 @@
+"""Bytes at fixed offsets: what rclpy writes, the plan reads, and the other way round, for every message of the cycle."""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("rclpy")
+messages = pytest.importorskip("phil_interfaces.msg", reason="the interfaces are not built, or not sourced")
+
+from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
+
+from phil_node.cdr import SEQUENCE, Plan  # noqa: E402
+
+KINDS = {
+    messages.RigState: ("rig", {}),
+    messages.ImpedanceCommand: ("rig", {}),
+    messages.ConservedQuantities: ("rig", {}),
+    messages.ContactQuality: ("rig", {}),
+    messages.CatenaryState: (
+        "train",
+        {f"segment_{name}": 7 for name in ("displacement", "velocity", "acceleration", "force")},
+    ),
+    messages.WireShape: (
+        "train",
+        {name: size for size, name in enumerate(("x", "contact", "carrier", "dropper_x", "dropper_force", "mast_x"))},
+    ),
+}
+LIMITS = {"uint8": 2**8, "uint16": 2**16, "uint32": 2**32, "uint64": 2**64}
+
+
+def filled(kind: Any, frame: str, sizes: dict[str, int], draw: Any) -> Any:
+    message = kind()
+    message.header.frame_id = frame
+    message.header.stamp.sec = draw(st.integers(0, 2**31 - 1))
+    message.header.stamp.nanosec = draw(st.integers(0, 10**9 - 1))
+    for name, type_name in kind.get_fields_and_field_types().items():
+        width = 32 if "float" in type_name else 64
+        numbers = st.floats(width=width, allow_nan=False)
+        if type_name in LIMITS:
+            setattr(message, name, draw(st.integers(0, LIMITS[type_name] - 1)))
+        elif type_name == "boolean":
+            setattr(message, name, draw(st.booleans()))
+        elif type_name in ("double", "float"):
+            setattr(message, name, draw(numbers))
+        elif sequence := SEQUENCE.fullmatch(type_name):
+            size = sizes[name]
+            values = draw(st.lists(numbers, min_size=size, max_size=size))
+            setattr(message, name, array("f" if sequence[1] == "float" else "d", values))
+    return message
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+@given(data=st.data())
+def test_plan_and_rclpy_read_and_write_the_same(kind: Any, data: Any) -> None:
+    """Exact: the same bytes out of the plan, and the same values out of rclpy's bytes."""
+    frame, sizes = KINDS[kind]
+    plan = Plan(kind, frame, sizes)
+    message = filled(kind, frame, sizes, data.draw)
+    encoded = serialize_message(message)
+    assert plan.fits(encoded)
+    seen, writer = plan.read(encoded), plan.writer()
+    for name in kind.get_fields_and_field_types():
+        if name == "header":
+            stamp, wanted = seen.header.stamp, message.header.stamp
+            assert (stamp.sec, stamp.nanosec, seen.header.frame_id) == (wanted.sec, wanted.nanosec, frame)
+            writer.message.header.stamp = stamp
+        elif name in plan.arrays:
+            assert list(getattr(seen, name)) == list(getattr(message, name))
+            getattr(writer.message, name)[:] = getattr(seen, name)
+        else:
+            assert getattr(seen, name) == getattr(message, name)
+            setattr(writer.message, name, getattr(seen, name))
+    written = writer.bytes()
+    assert deserialize_message(written, kind) == message
+    assert len(written) == len(encoded) == plan.size
+
+
+@pytest.mark.parametrize("change", [{"frame": "rigs"}, {"sizes": 6}, {"cut": True}])
+def test_message_that_is_laid_out_otherwise_is_read_by_rclpy_or_refused(change: dict[str, Any]) -> None:
+    """Another frame or array is read all the same; a message that is cut off raises an error."""
+    kind = messages.CatenaryState
+    frame, sizes = KINDS[kind]
+    plan = Plan(kind, frame, sizes)
+    message = kind(cycle=5)
+    message.header.frame_id = change.get("frame", frame)
+    for name in sizes:
+        setattr(message, name, array("d", [1.0] * change.get("sizes", 7)))
+    encoded = serialize_message(message)
+    if change.get("cut"):
+        with pytest.raises(Exception):  # noqa: B017 - whatever rclpy raises
+            plan.read(encoded[:30])
+        return
+    assert not plan.fits(encoded)
+    assert plan.read(encoded) == message
+
+
+@pytest.mark.parametrize("kind", [messages.ImpedanceModel, messages.CycleTiming], ids=lambda kind: kind.__name__)
+def test_message_without_fixed_places_has_no_plan(kind: Any) -> None:
+    """A text in the midst, a number behind an array: said when the plan is made."""
+    with pytest.raises(ValueError, match="no fixed place"):
+        Plan(kind)
