@@ -133,8 +133,9 @@ def check(positions: Array, shape: Shape, ability: Ability, period: float) -> No
         "sine": "trajectory.amplitude, trajectory.frequency",
         "chirp": "trajectory.amplitude, trajectory.frequency, trajectory.end_frequency",
         "steps": "trajectory.amplitude, motion.speed, motion.acceleration",
-        "file": f"trajectory.file = {shape.file}",
+        "file": "trajectory.file",
     }[shape.kind]
+    named = f" in {shape.file}" if shape.kind == "file" else ""
     padded = np.concatenate([positions[:1], positions, positions[-1:]])
     speed = np.diff(padded) / period
     asked = (
@@ -145,5 +146,5 @@ def check(positions: Array, shape: Shape, ability: Ability, period: float) -> No
     for what, unit, most, allowed in asked:
         if not most <= allowed:  # nor what is no number
             raise ValueError(
-                f"{keys}: the trajectory asks for a {what} of {most:.3g} {unit}, allowed are {allowed:.3g}"
+                f"{keys}: the trajectory{named} asks for a {what} of {most:.3g} {unit}, allowed are {allowed:.3g}"
             )

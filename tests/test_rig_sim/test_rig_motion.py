@@ -193,7 +193,7 @@ def test_a_trajectory_from_a_file_that_asks_for_too_much_is_named(tmp_path: Path
     file = tmp_path / "far.csv"
     file.write_text("0.0, 0.0\n1.0, 9.0\n")
     shape = SHAPE._replace(kind="file", file=str(file))
-    with pytest.raises(ValueError, match=r"trajectory\.file = .*far\.csv: the trajectory asks for a position of 9 m"):
+    with pytest.raises(ValueError, match=r"trajectory\.file: the trajectory in .*far\.csv asks for a position of 9 m"):
         check(sample(shape, PACE, TS), shape, ABLE, TS)
 
 
