@@ -20,7 +20,8 @@ def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
         prog="scripts/fuzz.sh",
-        description="Damage every kind of file that is read here, and look at what comes of it. Each damaged file must lead to a result or to exit code 2 with one clear line (one for "
+        description="Damage every kind of file that is read here, and look at what comes of it. Each damaged file "
+        "must lead to a result or to exit code 2 with one clear line (one for "
         "each wrong parameter): no traceback, no hang, no memory without end.",
         epilog="Exit code: 0 no fault, 1 faults, 2 wrong options, 3 the ride for the bag failed.",
     )
