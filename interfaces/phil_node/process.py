@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
 from phil_node.executor import events_executor
@@ -45,9 +46,11 @@ def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int
 def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Ending) -> int:
     remove_litter()
     try:
+        set_logger_level("rcl", LoggingSeverity.FATAL)  # what it cannot read is said below, in one line
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
         # It logs each transition that does not exist, without a bound; the node says so itself.
-        rclpy.logging.set_logger_level("rcl_lifecycle", rclpy.logging.LoggingSeverity.ERROR)
+        set_logger_level("rcl_lifecycle", LoggingSeverity.ERROR)
+        set_logger_level("rcl", LoggingSeverity.UNSET)
         node = kind()
         held = claim(node.full_name, node.context.get_domain_id())
     except (ParameterError, AlreadyRunning) as error:

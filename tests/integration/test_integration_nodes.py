@@ -135,14 +135,6 @@ def test_out_of_range_is_refused_in_any_state(bench):
     assert one.set(spans=3).successful
 
 
-def test_the_controller_without_a_catenary_says_what_to_do(bench):
-    from ride.lifecycle import CONFIGURE, RideError
-
-    one = bench("impedance_mpc", "model_timeout:=1.0")
-    with pytest.raises(RideError, match="refused to configure"):
-        one.managed.go(CONFIGURE, 60.0)
-
-
 def test_emergency_stop_retracts_and_nothing_rearms(bench):
     from phil_interfaces.msg import RigState
     from std_srvs.srv import Trigger

@@ -70,6 +70,17 @@ def test_last_words_are_the_last_lines(tmp_path):
     assert child.last_words(1) == "b"
 
 
+def test_a_start_removes_what_is_old_and_free_and_leaves_what_others_just_make(tmp_path):
+    for name in ("fastrtps_dead", "fastrtps_dead_el", "fastrtps_held", "fastrtps_held_el", "sem.fastrtps_port7_mutex"):
+        (tmp_path / name).write_bytes(b"")
+        os.utime(tmp_path / name, (1e9, 1e9))
+    (tmp_path / "fastrtps_new_el").write_bytes(b"")
+    with (tmp_path / "fastrtps_held_el").open("rb") as handle:
+        fcntl.flock(handle, fcntl.LOCK_SH)
+        assert remove_litter(folder=tmp_path) == ["fastrtps_dead", "fastrtps_dead_el", "sem.fastrtps_port7_mutex"]
+    assert snapshot(tmp_path) == {"fastrtps_held", "fastrtps_held_el", "fastrtps_new_el"}
+
+
 def test_only_unused_litter_of_the_middleware_is_removed(tmp_path):
     (tmp_path / "fastrtps_young").write_bytes(b"")
     for name in ("fastrtps_port7_el", "sem.fastrtps_port7_mutex", "unrelated"):

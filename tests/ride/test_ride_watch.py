@@ -17,6 +17,7 @@ from ride.watch import AWAKE, Watch  # noqa: E402
 
 PROCESSES = {"test_rig_sim": 11, "impedance_mpc": 12, "energy_monitor": 13}
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+STALE = DiagnosticStatus.STALE
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +99,28 @@ def test_reasons_stand_once_with_their_number(watch: Watch) -> None:
     say(watch, OK, "/test_rig_sim", "hold", process="11", phase="waiting for listeners", listeners="1 matched of 3")
     wanted = f"impedance_mpc: {text} (7 times); test_rig_sim is waiting for listeners (1 matched of 3)"
     assert watch.reasons == wanted
+
+
+def test_only_an_error_ends_a_ride(watch: Watch) -> None:
+    """STALE has the largest number, but says only that nothing comes for now."""
+    for level in (WARN, STALE):
+        say(watch, level, "/impedance_mpc", "no command since cycle 7", process="12")
+        assert watch.errors == {} and watch.warnings == {"impedance_mpc": "no command since cycle 7"}
+    assert watch.reasons == "impedance_mpc: no command since cycle 7"
+
+
+@pytest.mark.parametrize(
+    ("heard_by", "named"),
+    [
+        ("energy_monitor, ride_recorder", ": impedance_mpc not among them"),
+        ("-", ": impedance_mpc and energy_monitor not among them"),
+        ("energy_monitor, impedance_mpc, plotjuggler", ""),
+    ],
+)
+def test_a_rig_without_listeners_is_told_by_their_names(watch: Watch, heard_by: str, named: str) -> None:
+    values = {"phase": "waiting for listeners", "listeners": "1 matched of 3", "heard_by": heard_by}
+    say(watch, OK, "/test_rig_sim", "hold", process="11", **values)
+    assert watch.reasons == f"test_rig_sim is waiting for listeners (1 matched of 3){named}"
 
 
 def test_a_rig_that_nobody_answers_is_a_reason_where_there_is_no_other(watch: Watch) -> None:
