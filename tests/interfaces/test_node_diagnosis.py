@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -10,14 +11,83 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-pytest.importorskip("rclpy")
+rclpy = pytest.importorskip("rclpy")
+pytest.importorskip("phil_interfaces", reason="the interfaces are not built, or not sourced")
 
-from phil_node import bounded_log, diagnosis
-from phil_node.bounded_log import MOST, PERIOD, BoundedLog
-from phil_node.diagnosis import ERROR, EVERY, LOOK, OK, STALE, WARN, Diagnosis, Reporter, worst
-from phil_node.timing import KINDS
+from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
+
+from phil_node import bounded_log, diagnosis  # noqa: E402
+from phil_node.base import PhilNode  # noqa: E402
+from phil_node.bounded_log import MOST, PERIOD, BoundedLog  # noqa: E402
+from phil_node.diagnosis import ERROR, EVERY, LOOK, OK, STALE, WARN, Diagnosis, Reporter, worst  # noqa: E402
+from phil_node.timing import KINDS  # noqa: E402
+from test_rig_sim.parameters import Parameters  # noqa: E402
 
 LEVELS = st.sampled_from([OK, WARN, STALE, ERROR])
+
+
+class Mute(PhilNode[Parameters]):
+    """A node that says what a test wants, and nothing else."""
+
+    def __init__(self) -> None:
+        super().__init__("test_rig_sim", Parameters)
+        self.fault, self.said, self.gone = "no model", Diagnosis(), ""
+
+    def build(self) -> None:
+        if self.fault:
+            raise RuntimeError(self.fault)
+
+    def diagnose(self) -> Diagnosis:
+        return Diagnosis(self.said.level, self.said.message, dict(self.said.values))
+
+    def silence(self) -> str:
+        return self.gone
+
+
+@pytest.fixture
+def mute() -> Iterator[Mute]:
+    arguments = ["--ros-args", "--log-level", "fatal", "-r", "__ns:=/diagnosed"]
+    rclpy.init(args=arguments, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
+    made = Mute()
+    yield made
+    made.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_a_node_says_why_it_refused_until_it_did_not(mute: Mute) -> None:
+    signs = mute._all_signs()
+    assert mute.trigger_configure() == TransitionCallbackReturn.FAILURE
+    assert mute._all_signs() != signs  # told at once
+    found = mute._diagnosis()
+    assert (found.level, found.message) == (WARN, "cannot configure: no model")
+    mute.fault = ""
+    assert mute.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    found = mute._diagnosis()
+    assert (found.level, found.message) == (OK, "configured")
+
+
+def test_a_node_to_which_nothing_comes_is_stale_but_an_error_stays_one(mute: Mute) -> None:
+    mute.fault = ""
+    mute.trigger_configure()
+    mute.trigger_activate()
+    assert mute._diagnosis().level == OK
+    signs, mute.gone = mute._all_signs(), "no state since cycle 7"
+    assert mute._all_signs() != signs
+    found = mute._diagnosis()
+    assert (found.level, found.message) == (STALE, "no state since cycle 7")
+    mute.said = Diagnosis(ERROR, "emergency stop")
+    found = mute._diagnosis()
+    assert (found.level, found.message) == (ERROR, "emergency stop; no state since cycle 7")
+    mute.said, mute.gone = Diagnosis(), ""
+    assert mute._diagnosis().level == OK
+    mute.trigger_deactivate()
+
+
+def test_another_node_of_the_name_is_told(mute: Mute, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert mute._diagnosis().level == OK
+    monkeypatch.setattr(mute, "count_services", lambda name: 2 if name == "/diagnosed/test_rig_sim/reset" else 0)
+    found = mute._diagnosis()
+    assert found.level == WARN and "another node on this ROS domain is called /diagnosed/test_rig_sim" in found.message
 
 
 class Clock:
