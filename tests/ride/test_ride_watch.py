@@ -101,11 +101,11 @@ def test_reasons_stand_once_with_their_number(watch: Watch) -> None:
     assert watch.reasons == wanted
 
 
-def test_only_an_error_ends_a_ride(watch: Watch) -> None:
+@pytest.mark.parametrize("level", [WARN, STALE])
+def test_only_an_error_ends_a_ride(watch: Watch, level: bytes) -> None:
     """STALE has the largest number, but says only that nothing comes for now."""
-    for level in (WARN, STALE):
-        say(watch, level, "/impedance_mpc", "no command since cycle 7", process="12")
-        assert watch.errors == {} and watch.warnings == {"impedance_mpc": "no command since cycle 7"}
+    say(watch, level, "/impedance_mpc", "no command since cycle 7", process="12")
+    assert watch.errors == {} and watch.warnings == {"impedance_mpc": "no command since cycle 7"}
     assert watch.reasons == "impedance_mpc: no command since cycle 7"
 
 
