@@ -14,6 +14,7 @@ from catenary_model.finite_difference.ends import ENDS
 from catenary_model.line import Line
 from catenary_model.line_file import LineFileError, load_line, preset_names
 from phil_node.parameters import Group, parameter
+from phil_node.real_time import RealTime
 
 
 def line_of(name_or_path: str) -> Line:
@@ -91,6 +92,7 @@ class Parameters(Group):
     max_bridged_cycles: int = parameter(
         "Most missing commands in a row that are bridged with the last force", low=0, high=10000
     )
+    real_time: RealTime = parameter("What the process asks of the system")
     _line: Line = PrivateAttr()
 
     @model_validator(mode="after")

@@ -42,6 +42,8 @@ BOOK_NUMBERS = ("delta_e", "delta_p", "delta_work", *METERS, "exchanged_energy",
 class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
     """Wires the messages to :class:`energy_monitor.audit.Audit`."""
 
+    threads_role = "listen"
+
     def __init__(self) -> None:
         """Declare the parameters."""
         super().__init__("energy_monitor", Parameters)

@@ -4,6 +4,7 @@ from pydantic import model_validator
 
 from energy_monitor.limits import chosen
 from phil_node.parameters import Group, parameter
+from phil_node.real_time import RealTime
 
 
 class ContactParameters(Group):
@@ -73,6 +74,7 @@ class Parameters(Group):
     contact: ContactParameters = parameter("Evaluation of the contact force")
     tolerance: ToleranceParameters = parameter("Tolerance between two books")
     limits: LimitsParameters = parameter("Limits of the contact force")
+    real_time: RealTime = parameter("What the process asks of the system")
 
     @model_validator(mode="after")
     def _low_pass_is_possible(self) -> "Parameters":

@@ -7,6 +7,7 @@ from typing_extensions import Self
 
 from impedance_mpc.environment_parameters import EnvironmentParameters
 from phil_node.parameters import Group, parameter
+from phil_node.real_time import RealTime
 
 CASCADED, INTEGRATED, CORRECTED = "cascaded", "integrated", "integrated_with_correction"
 
@@ -119,6 +120,7 @@ class Parameters(Group):
         high=0.01,
     )
     model_timeout: float = parameter("Time to wait for the impedance model", unit="s", low=0.1, high=600.0)
+    real_time: RealTime = parameter("What the process asks of the system")
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:

@@ -32,6 +32,7 @@ from phil_node.parameters import Group, ParameterError, defaults, infos, values_
 from phil_node.paths import CycleReceiver, CycleSender, Sender
 from phil_node.process import RCLError, leave, run
 from phil_node.qos import CYCLE
+from phil_node.real_time import Granted, apply
 from phil_node.timing import Timing
 
 P = TypeVar("P", bound=Group)
@@ -57,6 +58,9 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         The node was started with a parameter that is unknown, of a wrong type or out of range.
     """
 
+    threads_role = "transport"
+    """Role (``scheduling.ROLES``) of the process's threads that have no other."""
+
     def __init__(self, name: str, model: type[P]) -> None:
         try:
             super().__init__(name, automatically_declare_parameters_from_overrides=True)
@@ -77,6 +81,8 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self._outlets: list[Outlet] = []
         self.configured = False
         self.active = False
+        self.has_process = False
+        self.granted = Granted()
         self._stale_build = False
         self._owned: list[tuple[Callable[[Any], Any], Any]] = []
         self.add_pre_set_parameters_callback(self._prepare_parameters)
@@ -272,6 +278,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             gc.freeze()
             gc.disable()
             sys.setswitchinterval(SWITCH)
+            self._ask_system()
             # Publishers first: start() may publish at once.
             LifecycleNode.on_activate(self, state)
             self._outbox.start()
@@ -290,6 +297,16 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
                 self._thread.start()
 
         return self._attempt("activate", activate)
+
+    def _ask_system(self) -> None:
+        """Ask for what real time needs; a process that belongs to others as well (a test's) is left as it is."""
+        wanted = getattr(self.parameters, "real_time", None)
+        if not self.has_process or wanted is None:
+            return
+        in_lockstep = getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP
+        self.granted = apply(wanted, self.threads_role, level=in_lockstep)
+        for line in () if in_lockstep else self.granted.advice:
+            self.get_logger().warning(line)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop and let the garbage collector work again."""
@@ -461,7 +478,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             found.add(WARN, self._failure)
         if self.count_services(f"{self.full_name}/reset") > 1:
             found.add(WARN, f"another node on this ROS domain is called {self.full_name}, too: end one of them")
-        own = {"process": str(os.getpid())}
+        own = {"process": str(os.getpid()), **self.granted.figures}
         if self._misses_clock():
             own["clock"] = "the system's: use_sim_time is set, but nothing came on /clock"
         counts = {"late": timing.late, "missing": timing.missing, "stale": timing.stale, "refused": timing.refused}

@@ -13,7 +13,7 @@ from phil_node.surroundings import reach
 from ride.checks import notices
 from ride.folder import clear
 from ride.options import Options
-from ride.settings import Settings, line_text, pantograph_text, resolve, write
+from ride.settings import Settings, as_ordinary, line_text, pantograph_text, resolve, write
 
 OK, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130
 
@@ -23,7 +23,8 @@ def carry_out(options: Options) -> int:
     console = Console()
     errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
     try:
-        settings = resolve(options.params, options.overrides, options.rig)
+        overrides = as_ordinary(options.overrides) if options.ordinary_scheduling else options.overrides
+        settings = resolve(options.params, overrides, options.rig)
         line, pantograph = line_text(settings), pantograph_text(settings)
         said = notices(options.params, settings)
     except ParameterError as error:

@@ -80,7 +80,8 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     add(
         "--ordinary-scheduling",
         action="store_true",
-        help="do not ask for real-time scheduling (SCHED_FIFO), which is used where the system allows it",
+        help="do not ask for real-time scheduling (SCHED_FIFO), which is used where the system allows it "
+        "(real_time.scheduling = ordinary in all nodes)",
     )
     given = parser.parse_args(argv)
 

@@ -16,7 +16,7 @@ from rich.console import Console
 from energy_monitor.record import DISK_FULL
 from energy_monitor.topics import RECORDED
 from phil_node.executor import events_executor
-from phil_node.scheduling import go_first
+from phil_node.scheduling import highest_priority, priority_of, schedule, schedule_as_others, threads_of, why_not_first
 from ride.lifecycle import ACTIVATE, CONFIGURE, DEACTIVATE, Managed, RideError
 from ride.options import Options
 from ride.processes import Process, end_all
@@ -181,11 +181,18 @@ class Ride:
             raise RideError(f"{error}{reason}") from None
 
     def _go_first(self) -> None:
-        """Ask for real-time scheduling; without it the ride is the same, but slower, and more commands are late."""
-        if self._ordinary or go_first([process.pid for process in self._processes]):
-            return
-        if self._settings["test_rig_sim"]["mode"] == "realtime":
-            self._console.print("no permission for real-time scheduling (see: ulimit -r): expect late commands")
+        """Give the recorder its place behind the nodes, which ask for theirs when they are activated.
+
+        Without real-time scheduling the ride is the same, but slower, and more commands are late: that is said.
+        """
+        in_real_time = self._settings["test_rig_sim"]["mode"] == "realtime"
+        recorder = threads_of(self._recorder.pid) if self._recorder else []
+        if self._ordinary:
+            schedule_as_others(recorder)  # it goes first by itself
+        elif highest_priority():
+            schedule(recorder, priority_of("listen", level=not in_real_time))
+        elif in_real_time:
+            self._console.print(f"expect late commands, no real-time scheduling: {why_not_first()}", soft_wrap=True)
 
     def _raise_errors(self) -> None:
         """End the ride when a node reports an error; a rig that retracts is let come to rest first."""

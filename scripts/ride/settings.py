@@ -67,6 +67,14 @@ def rig_layer(name: str) -> dict[str, dict[str, Any]]:
     return found
 
 
+def as_ordinary(overrides: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Give the overrides with which no node asks for real-time scheduling."""
+    found = {name: dict(values) for name, values in overrides.items()}
+    for name in NODES:
+        found.setdefault(name, {})["real_time.scheduling"] = "ordinary"
+    return found
+
+
 def resolve(
     params: Path | Sequence[Path] | None, overrides: Mapping[str, Mapping[str, Any]], rig: str | None = None
 ) -> Settings:

@@ -3,6 +3,7 @@
 from pydantic import model_validator
 
 from phil_node.parameters import Group, parameter
+from phil_node.real_time import RealTime
 from test_rig_sim import mounting, operation
 from test_rig_sim.operation_parameters import (
     LimitParameters,
@@ -172,6 +173,7 @@ class Parameters(Group):
     nonlinear_frame: NonlinearFrameParameters = parameter("Frame of the pantograph `nonlinear`")
     car_body: CarBodyParameters = parameter("Motion of the car body")
     events: EventParameters = parameter("Sudden events")
+    real_time: RealTime = parameter("What the process asks of the system")
 
     @model_validator(mode="after")
     def _check(self) -> "Parameters":
