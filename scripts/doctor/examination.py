@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -16,16 +17,25 @@ from rich.progress import Progress
 from doctor import kernel, limits, processor, transport
 from doctor.cyclictest import cyclictest, installed
 from doctor.domain import discovery, environment, participants
-from doctor.finding import CHANGE, NOTE, OK, Finding, Machine, looked
+from doctor.finding import CHANGE, OK, Finding, Machine, looked
 from doctor.verdict import judged
 from doctor.wake_up import WakeUps, measure, together
 from phil_node.scheduling import CYCLE, highest_priority, why_not_first
 
 OURS, THEIRS = "doctor", "cyclictest"
-TUNE = (
-    "change what the lines above say of kernel, governor, idle states, processor quota and stolen time; end what else "
-    "runs here (top -o %CPU), then look again"
+MATTERS = (
+    "kernel",
+    "time for SCHED_FIFO",
+    "timer resolution",
+    "governor",
+    "idle states",
+    "virtualisation",
+    "processor quota",
+    "other real-time processes",
+    "stolen time",
+    "free cores",
 )
+"""Findings that make wake-ups late."""
 
 
 @dataclass
@@ -60,9 +70,13 @@ def examine(seconds: float, bags: Path, progress: Console, machine: Machine | No
     found.append(discovery(os.environ))
     priority = min(CYCLE, highest_priority())
     before = processor.Spent.now(machine)
-    found += _measured(examined, priority, progress)
+    measured = [(parts, level == priority) for level, parts in _measured(examined, priority, progress)]
+    check = list(_checked(examined, priority, progress))
     shares = processor.Spent.now(machine).shares_since(before)
     found += processor.spent(machine, shares, may_go_first=priority > 0)
+    advice = _advice(found, priority)
+    found += [judged(parts, counts, advice) for parts, counts in measured]
+    found += check
     if not any(line.name == "ROS environment" and line.verdict == CHANGE for line in found):
         found += _neighbours()
     return examined
@@ -77,24 +91,38 @@ def _neighbours() -> list[Finding]:
         return [Finding("other nodes on the domain", "unknown", CHANGE, why, "mend that first, then look again")]
 
 
-def _measured(examined: Examined, priority: int, progress: Console) -> Iterator[Finding]:
-    """Measure as granted and in the ordinary class, and let cyclictest do the first once more."""
-    cpus, seconds = os.sched_getaffinity(0), examined.seconds
+def _advice(found: list[Finding], priority: int) -> str:
+    """Say what makes wake-ups late here, by the names of what was found."""
+    if not priority:
+        return why_not_first()
+    named = [line.name for line in found if line.name in MATTERS and line.verdict != OK]
+    if named:
+        return f"what is said of {', '.join(named)}; then look again"
+    return (
+        "end what else runs here (top -o %CPU); look for the firmware's own work: sudo hwlatdetect (package rt-tests)"
+    )
+
+
+def _measured(examined: Examined, priority: int, progress: Console) -> Iterator[tuple[int, list[WakeUps]]]:
+    """Measure as granted, and in the ordinary class."""
     for level in (priority, 0) if priority else (0,):
         what = f"SCHED_FIFO {level}" if level else "ordinary"
         with _shown(progress, f"wake-ups, {what}") as tell:
-            parts = measure(seconds, level, cpus, tell)
+            parts = measure(examined.seconds, level, os.sched_getaffinity(0), tell)
         examined.wake_ups += [(OURS, part) for part in (*parts, *([together(parts)] if len(parts) > 1 else []))]
-        counts = level == priority
-        yield judged(parts, counts, TUNE if level else why_not_first())
+        yield level, parts
+
+
+def _checked(examined: Examined, priority: int, progress: Console) -> Iterator[Finding]:
+    """Let cyclictest do the first measurement once more."""
     if not installed():
         yield Finding("cross check", "no cyclictest here", OK, "for a second opinion: sudo apt-get install rt-tests")
         return
     try:
         with _shown(progress, "wake-ups, by cyclictest"):
-            theirs = cyclictest(seconds, priority, cpus)
-    except (OSError, RuntimeError, ValueError) as error:
-        yield Finding("cross check", "cyclictest failed", NOTE, str(error))
+            theirs = cyclictest(examined.seconds, priority, os.sched_getaffinity(0))
+    except (OSError, RuntimeError, ValueError, subprocess.TimeoutExpired) as error:
+        yield Finding("cross check", "cyclictest failed", OK, str(error))
         return
     examined.wake_ups += [(THEIRS, part) for part in theirs]
     largest = max(part.figures()["max"] for part in theirs)

@@ -26,9 +26,8 @@ def findings_table(findings: Iterable[Finding]) -> Table:
 
 
 def wake_up_table(rows: Sequence[tuple[str, WakeUps]]) -> Table:
-    """Make the table of the latencies; each row with who measured it."""
-    reach = f"{EDGES[0] * 1e6:g} us to {EDGES[-1]:g} s"
-    title = f"Wake-ups at 1 kHz: late by ms; histogram from {reach}, three bars a decade, heights logarithmic"
+    """Make the table of the latencies; each row with who measured it. Heights of the histogram are logarithmic."""
+    title = f"Wake-ups at 1 kHz: late by ms; histogram from {EDGES[0] * 1e6:g} us to {EDGES[-1]:g} s"
     made = Table(title=title, title_justify="left")
     for head in ("measured by", "scheduling", "CPU"):
         made.add_column(head)

@@ -1,12 +1,15 @@
 """What the doctor says of machines that are described by their files."""
 
+import os
+import subprocess
 from collections import Counter
 
 import pytest
 
-from doctor import kernel, processor, transport
+from doctor import kernel, limits, processor, transport
 from doctor.domain import MEET, discovery, environment, judged
 from doctor.finding import CHANGE, NOTE, OK, Finding, Machine, looked
+from phil_node.scheduling import highest_priority
 
 
 def write(machine, files):
@@ -143,6 +146,27 @@ def test_a_busy_machine_is_a_note_only_for_who_goes_first(tmp_path):
         NOTE,
         CHANGE,
     ]
+
+
+@pytest.mark.parametrize(("priority", "verdict"), [(0, OK), (39, OK), (40, NOTE), (99, NOTE)])
+def test_other_real_time_processes_are_named(tmp_path, priority, verdict):
+    stat = f"7 (odd) name) S {'0 ' * 36}{priority} 1 0"
+    files = {"proc/7/cmdline": "odd", "proc/7/comm": "odd) name", "proc/7/task/7/stat": stat}
+    kernels = {"proc/8/cmdline": "", "proc/8/comm": "migration/0", "proc/8/task/8/stat": f"8 (m) S {'0 ' * 36}99 1"}
+    (found,) = limits.rivals(write(Machine(tmp_path), files | kernels))
+    assert found.verdict == verdict
+    assert found.value == ("odd) name" if verdict == NOTE else "none")
+
+
+def test_the_field_of_the_priority_is_that_of_this_system():
+    """Held against what the system says itself of a process with real-time priority, where it gives one."""
+    allowed = highest_priority()
+    with subprocess.Popen(["sleep", "30"]) as child:
+        if allowed:
+            os.sched_setscheduler(child.pid, os.SCHED_FIFO, os.sched_param(min(41, allowed)))
+        (found,) = limits.rivals(Machine())
+        child.kill()
+    assert ("sleep" in found.value) == (allowed >= 40)
 
 
 def test_small_buffers_are_named_with_what_to_type(tmp_path):
