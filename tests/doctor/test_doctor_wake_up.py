@@ -99,7 +99,8 @@ def test_cyclictests_histogram_is_read_with_what_is_beyond_it():
 
 
 def doctor(*arguments):
-    return subprocess.run([sys.executable, "-m", "doctor", *arguments], capture_output=True, text=True)
+    as_here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.run([sys.executable, "-m", "doctor", *arguments], capture_output=True, text=True, env=as_here)
 
 
 @pytest.mark.parametrize(

@@ -108,6 +108,16 @@ def test_the_turnaround_of_every_cycle_is_in_the_bag(lockstep_ride):
     assert sum(len(batch) for batch in timing.entries("turnaround")) == CYCLES
 
 
+def test_every_node_says_what_the_system_has_granted_it(lockstep_ride):
+    with Reader(lockstep_ride.out / "bag") as reader:
+        chosen = [c for c in reader.connections if c.topic == "/diagnostics"]
+        said = [bytes(data) for _, _, data in reader.messages(connections=chosen)]
+    for name in ("catenary_model", "impedance_mpc", "energy_monitor", "test_rig_sim"):
+        active = [message for message in said if name.encode() in message and b"timer slack" in message]
+        assert active, name
+        assert all(b"SCHED_FIFO" in message and b"memory" in message and b"kept" in message for message in active)
+
+
 def test_nothing_is_left_running(lockstep_ride, leftovers):
     assert leftovers(lockstep_ride.out) == []
 

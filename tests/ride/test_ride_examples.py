@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import bench.__main__ as bench
+import doctor.__main__ as doctor
 import validate.__main__ as validate
 from catenary_model import line_file
 from energy_monitor import record
@@ -111,10 +112,17 @@ def of(names, module):
     return check
 
 
+def examination(arguments):
+    """Take the synopsis "[--seconds 10] [--domain N] ..." as if everything in it was given, N for a number."""
+    words = [{"N": "7"}.get(word.strip("[]"), word.strip("[]")) for word in arguments]
+    assert doctor.parser().parse_args(words)
+
+
 SCRIPT = {
     "scripts/run.sh": ride,
     "scripts/validate.sh": of(validate.NAMES, validate),
     "scripts/bench.sh": of(bench.NAMES, bench),
+    "scripts/doctor.sh": examination,
     "scripts/record.sh": lambda arguments: record.arguments(arguments) if arguments else None,
     "scripts/analyze.sh": lambda arguments: cli.arguments(arguments) if arguments else None,
 }
@@ -123,7 +131,7 @@ SCRIPT = {
 def of_ros(words):
     verb, rest = tuple(words[:2]), words[2:]
     if not rest:  # a command is mentioned
-        assert verb in (("param", "set"), ("param", "load"))
+        assert verb in (("param", "set"), ("param", "load"), ("run",))
     elif verb in (("param", "set"), ("param", "describe"), ("param", "get")):
         node = rest[0].removeprefix("/")
         if len(rest) > 1:

@@ -116,14 +116,18 @@ def cycle():
     on.set()
     off.wait()
 threading.Thread(target=cycle, daemon=True).start()
+for _ in range(16):
+    threading.Thread(target=off.wait, daemon=True).start()
 on.wait()
+resident = status_of("VmRSS")
 def see(thread):
     return os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority
 before = see(0)
 for change in ({}, {"priority": 20}, {"scheduling": "ordinary"}):
     granted = apply(build(RealTime, values | change))
     print(*see(0), *see(done[0]), bool(granted.advice), granted.figures["scheduling of cycle"], sep=";")
-print(int(status_of("VmLck") > 0), open(f"/proc/self/timerslack_ns").read().strip(), sep=";")
+grown = (status_of("VmRSS") - resident) / 2**20
+print(int(status_of("VmLck") > 0), grown, open(f"/proc/self/timerslack_ns").read().strip(), sep=";")
 """
 
 
@@ -131,14 +135,17 @@ print(int(status_of("VmLck") > 0), open(f"/proc/self/timerslack_ns").read().stri
 def test_a_process_gets_what_it_may_and_says_the_rest(rights):
     """In a process of its own: what is asked for holds for the whole process."""
     lead = () if rights else WITHOUT_RIGHTS
-    done = subprocess.run([*lead, sys.executable, "-c", ALL], capture_output=True, text=True)
+    as_here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([*lead, sys.executable, "-c", ALL], capture_output=True, text=True, env=as_here)
     if "setpriv" in done.stderr:
         pytest.skip(done.stderr)
     assert not done.returncode, done.stderr
-    *steps, (locked, slack) = (line.split(";") for line in done.stdout.splitlines())
+    *steps, (locked, grown, slack) = (line.split(";") for line in done.stdout.splitlines())
     by_role, shifted, ordinary = ([int(word) for word in step[:4]] for step in steps)
     assert ordinary == [os.SCHED_OTHER, 0, os.SCHED_OTHER, 0]
     assert "as asked for" in steps[2][5]
+    # The heap that is asked for, and not 8 MiB of stack for each of the threads.
+    assert 8.0 <= float(grown) < 16.0
     fifo = os.SCHED_FIFO
     if by_role[0] == fifo:
         assert by_role == [fifo, ROLES["transport"], fifo, CYCLE]
