@@ -41,9 +41,11 @@ def cyclictest(seconds: float, priority: int, cpus: Iterable[int]) -> list[WakeU
 
 
 def parsed(text: str, places: list[int], name: str) -> list[WakeUps]:
-    """Read the histogram: a line for each microsecond, a column for each CPU."""
+    """Read the histogram: a line for each microsecond, a column for each CPU. Raises ValueError."""
     rows = [line.split() for line in text.splitlines() if re.match(r"\d+\s+\d", line)]
     largest = [int(word) for word in _after(text, "# Max Latencies:")]
+    if not len(largest) == len(_after(text, "# Histogram Overflows:")) == len(places):
+        raise ValueError(f"cyclictest has not measured on {len(places)} CPUs")
     found = []
     for column, place in enumerate(places):
         counts = np.array([int(row[1 + column]) for row in rows])
@@ -54,4 +56,7 @@ def parsed(text: str, places: list[int], name: str) -> list[WakeUps]:
 
 
 def _after(text: str, head: str) -> list[str]:
-    return next(line for line in text.splitlines() if line.startswith(head)).removeprefix(head).split()
+    for line in text.splitlines():
+        if line.startswith(head):
+            return line.removeprefix(head).split()
+    raise ValueError(f"cyclictest has written no line '{head}': another version?")

@@ -107,8 +107,13 @@ def _measured(examined: Examined, priority: int, progress: Console) -> Iterator[
     """Measure as granted, and in the ordinary class."""
     for level in (priority, 0) if priority else (0,):
         what = f"SCHED_FIFO {level}" if level else "ordinary"
-        with _shown(progress, f"wake-ups, {what}") as tell:
-            parts = measure(examined.seconds, level, os.sched_getaffinity(0), tell)
+        try:
+            with _shown(progress, f"wake-ups, {what}") as tell:
+                parts = measure(examined.seconds, level, os.sched_getaffinity(0), tell)
+        except (OSError, RuntimeError) as error:
+            why, do = f"{error}: out of processes or memory, or not on all CPUs", "look again on a machine at rest"
+            examined.findings.append(Finding(f"wake-up, {what}", "not measured", CHANGE, why, do))
+            continue
         examined.wake_ups += [(OURS, part) for part in (*parts, *([together(parts)] if len(parts) > 1 else []))]
         yield level, parts
 

@@ -98,6 +98,12 @@ def test_cyclictests_histogram_is_read_with_what_is_beyond_it():
     assert sorted(second.late) == pytest.approx([0.0] + [12e-6] * 8)
 
 
+@pytest.mark.parametrize("text", ["", CYCLICTEST.replace("# Max", "# Most"), CYCLICTEST.replace("00700 ", "")])
+def test_what_cyclictest_does_not_say_is_no_measurement(text):
+    with pytest.raises(ValueError, match="cyclictest has"):
+        parsed(text, [4, 6], "SCHED_FIFO 45")
+
+
 def doctor(*arguments):
     as_here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.run([sys.executable, "-m", "doctor", *arguments], capture_output=True, text=True, env=as_here)
