@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 GOOD, BAD, WRONG, INTERRUPTED = 0, 1, 2, 130
+GOOD_WORDS = "nothing stands against a ride in real time at 500 Hz"
 ROOT = Path(__file__).resolve().parents[2]
 WIDTH = 160
 """Columns of the tables where there is no terminal."""
@@ -73,7 +74,7 @@ def main() -> int:
     for line in advice(examined.findings):
         console.print(f"- {line}", highlight=False, markup=False, soft_wrap=True)
     against = [found.name for found in examined.findings if found.verdict == CHANGE]
-    verdict = f"against a ride in real time at 500 Hz: {', '.join(against)}" if against else "nothing stands against it"
+    verdict = f"against a ride in real time at 500 Hz: {', '.join(against)}" if against else GOOD_WORDS
     console.print(verdict, highlight=False, markup=False, soft_wrap=True)
     if given.json:
         given.json.write_text(json.dumps(examined.document(), indent=1) + "\n", encoding="utf-8")

@@ -128,6 +128,10 @@ def test_an_examination_ends_with_what_stands_against_a_ride(tmp_path, monkeypat
     document = json.loads(file.read_text())
     against = [found["name"] for found in document["findings"] if found["verdict"] == CHANGE]
     assert document["good"] == (done.returncode == 0) == (not against)
-    assert done.stdout.strip().splitlines()[-1].endswith(", ".join(against) or "nothing stands against it")
+    assert (
+        done.stdout.strip()
+        .splitlines()[-1]
+        .endswith(", ".join(against) or "nothing stands against a ride in real time at 500 Hz")
+    )
     assert {row["measured_by"] for row in document["wake_ups"]} == {"doctor"}
     assert all(found["do"] for found in document["findings"] if found["verdict"] == CHANGE)
