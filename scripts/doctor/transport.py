@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from doctor.finding import CHANGE, NOTE, Finding, Machine
-from ride.shared_memory import litter
+from phil_node.shared_memory import litter
 
 MIB = 1 << 20
 SHM_CHANGE, SHM_NOTE = 16 * MIB, 64 * MIB
@@ -44,21 +44,12 @@ def shared_memory(machine: Machine, folder: Path = Path("/dev/shm")) -> Iterator
         verdict = CHANGE if free < SHM_CHANGE else NOTE
         do = f"sudo mount -o remount,size=256M {folder}   (in a container: start it with --shm-size=256m or --ipc=host)"
         yield Finding("shared memory", value, verdict, "a ride with viewers may fill it: messages are lost then", do)
-    left = litter(frozenset(), folder)
-    # What came a moment ago may belong to a process that just starts.
-    old = [name for name in left if _age(folder / name) > 60.0]
+    old = litter(folder=folder)
     if old:
-        do = "they go at the end of the next scripts/run.sh; at once: fastdds shm clean"
+        do = "they go with the next start of a node; at once: fastdds shm clean"
         yield Finding("left shared memory", f"{len(old)} files of dead processes", NOTE, "they take room", do)
     else:
         yield Finding("left shared memory", "none")
-
-
-def _age(path: Path) -> float:
-    try:
-        return time.time() - path.stat().st_mtime
-    except OSError:
-        return 0.0
 
 
 def sockets(machine: Machine) -> Iterator[Finding]:

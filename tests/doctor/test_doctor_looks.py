@@ -184,6 +184,17 @@ def test_a_folder_that_does_not_exist_yet_is_judged_by_the_disk_it_will_be_on(tm
     assert not list(tmp_path.iterdir())
 
 
+def test_what_dead_processes_left_in_shared_memory_is_counted(tmp_path):
+    (tmp_path / "fastrtps_0123456789abcdef").write_bytes(b"")
+    (tmp_path / "somebody_elses").write_bytes(b"")
+    for path in tmp_path.iterdir():
+        os.utime(path, (0, 0))
+    found = {line.name: line for line in transport.shared_memory(Machine(), tmp_path)}
+    assert found["left shared memory"].value == "1 files of dead processes"
+    (tmp_path / "fastrtps_0123456789abcdef").unlink()
+    assert list(transport.shared_memory(Machine(), tmp_path))[-1].verdict == OK
+
+
 def test_a_shared_memory_that_is_not_there_stands_against_a_ride(tmp_path):
     (found,) = transport.shared_memory(Machine(), tmp_path / "none")
     assert found.verdict == CHANGE
