@@ -1,4 +1,4 @@
-"""What goes on beside a ride, as a process of its own: ``python outside.py PARENT view NUMBER | parameters | busy``.
+"""What goes on beside a ride, as a process of its own: ``outside.py PARENT view NUMBER [STAY] | parameters | busy``.
 
 Plain rclpy with nothing of this project: what an engineer's own tools do. It ends by SIGTERM, or when its parent dies.
 """
@@ -40,8 +40,8 @@ def say(**found: object) -> None:
     print(json.dumps(found), flush=True)
 
 
-def view(number: int) -> None:
-    """Join, read all topics of a ride for some seconds, leave; again and again.
+def view(number: int, stay: float | None = None) -> None:
+    """Join, read all topics of a ride for ``stay`` s or as VISITS says, leave; again and again.
 
     Even numbers ask for reliable, odd ones for best effort; each second pair for what is kept, where it is offered, as
     `ros2 topic echo` does.
@@ -50,6 +50,7 @@ def view(number: int) -> None:
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
 
+    stay = stay or VISITS[number % len(VISITS)]
     say(ready=True)
     while not _ended:
         begun = time.monotonic()
@@ -60,7 +61,7 @@ def view(number: int) -> None:
         executor.add_node(node)
         counts: dict[str, int] = {}
         look = 0.0
-        while not _ended and time.monotonic() - begun < VISITS[number % len(VISITS)]:
+        while not _ended and time.monotonic() - begun < stay:
             if time.monotonic() >= look:
                 _subscribe(node, number, counts)
                 look = time.monotonic() + LOOK
@@ -160,7 +161,7 @@ def main() -> None:
         return  # it died before we could ask
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     if what == "view":
-        view(int(sys.argv[3]))
+        view(int(sys.argv[3]), *map(float, sys.argv[4:5]))
     elif what == "parameters":
         parameters()
     else:
