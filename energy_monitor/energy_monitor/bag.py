@@ -19,10 +19,10 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from .bag_channel import CDR, BagError, Channel, DefinitionError, Source, left_out
+from .bag_channel import CDR, BagError, Channel, DefinitionError, Record, Source, left_out
 from .bag_columns import Column, Columns, types_of
 from .bag_order import FileRide, Part, in_order, joined, rides_of_files
-from .bag_storage import file_records, open_source
+from .bag_storage import file_batches, open_source
 
 __all__ = ["RIDE_FIELDS", "Bag", "BagError", "Diagnostic", "Table", "read_bag"]
 
@@ -100,8 +100,8 @@ class Table:
         return list(self.columns[name])
 
     def real(self, name: str) -> NDArray[np.float64]:
-        """Return a column of scalars as float64."""
-        return self[name].astype(np.float64)
+        """Return a column of scalars as float64: the column itself where it is that already, so not to be changed."""
+        return self[name].astype(np.float64, copy=False)
 
     def take(self, rows: NDArray[Any]) -> Table:
         """Return the table with these rows (indices or mask) only."""
@@ -263,22 +263,29 @@ class _Reading:
     def _read_file(self, file: Path) -> None:
         # A channel is one object from the first of its messages to the last: looked up by that, it need not be hashed.
         known: dict[int, tuple[Channel, Part | None]] = {}
-        place = self._place
-        for channel, log_time, payload in file_records(self._source, file, self._wanted):
-            entry = known.get(id(channel))
-            if entry is None:
-                entry = known[id(channel)] = (channel, self._part(file, channel))
-            if entry[1] is not None:
-                entry[1].add(log_time, place, payload)
-                place += 1
-            elif channel in self._unusable:
-                continue
-            elif channel.message_encoding != CDR:
-                encoding = channel.message_encoding or "nothing that is named"
-                self._source.left_out[channel.topic, f"they are encoded as {encoding}, not as cdr"] += 1
-            else:
+        for batch in file_batches(self._source, file, self._wanted):
+            sorted_out: dict[int, list[int]] = {}
+            for index, record in enumerate(batch):
+                sorted_out.setdefault(id(record[0]), []).append(index)
+            for number, rows in sorted_out.items():
+                channel = batch[rows[0]][0]
+                if number not in known:
+                    known[number] = (channel, self._part(file, channel))
+                records = [batch[row] for row in rows]
+                self._take(channel, known[number][1], records, [self._place + row for row in rows])
+            self._place += len(batch)
+
+    def _take(self, channel: Channel, part: Part | None, records: Sequence[Record], places: Sequence[int]) -> None:
+        if part is not None:
+            part.add([record[1] for record in records], places, [record[2] for record in records])
+        elif channel in self._unusable:
+            return
+        elif channel.message_encoding != CDR:
+            encoding = channel.message_encoding or "nothing that is named"
+            self._source.left_out[channel.topic, f"they are encoded as {encoding}, not as cdr"] += len(records)
+        else:
+            for _, log_time, payload in records:
                 self._diagnose(channel, log_time, payload)
-        self._place = place
 
     _place = 0
 

@@ -40,6 +40,9 @@ class Channel:
 
 Wanted = Callable[[Channel], bool]
 Record = tuple[Channel, int, bytes]
+"""Channel, log time in ns, payload."""
+BATCH = 4096
+"""Records that are handed on together: one by one each would go through every layer of the readers."""
 
 
 @dataclass

@@ -94,6 +94,26 @@ class _Layout:
     lengths: dict[int, int] = field(default_factory=dict)
 
 
+class _Grown:
+    """An array that grows at its end, without the pieces that would lie scattered in memory for as long as it does."""
+
+    def __init__(self, dtype: np.dtype[Any]) -> None:
+        self._array = np.empty(0, dtype)
+        self._filled = 0
+
+    def extend(self, values: NDArray[Any]) -> None:
+        end = self._filled + len(values)
+        if end > len(self._array):
+            self._array.resize(end + end // 4, refcheck=False)
+        self._array[self._filled : end] = values
+        self._filled = end
+
+    def whole(self) -> NDArray[Any]:
+        """Give all values; nothing can be added any more."""
+        self._array.resize(self._filled, refcheck=False)
+        return self._array
+
+
 class Columns:
     """Collects the wanted fields of messages of one type; nested fields are named with a dot.
 
@@ -102,6 +122,7 @@ class Columns:
     """
 
     BATCH = 4096
+    BATCH_BYTES = 1 << 22
 
     def __init__(self, channel: Channel, fields: Sequence[str], lists: Sequence[str] | None = None) -> None:
         """Prepare for a channel; raises BagError if its type lacks a wanted field.
@@ -114,8 +135,11 @@ class Columns:
         """How many messages were left out, by reason."""
         self._types = types_of(channel)
         self._pending: list[bytes] = []
-        self._parts: dict[str, list[Column]] = {name: [] for name in fields}
+        self._pending_bytes = 0
+        self._grown: dict[str, _Grown] = {}
+        self._lists: dict[str, list[Any]] = {name: [] for name in fields}
         self._kept: list[NDArray[np.int64]] = []
+        self._finished: dict[str, Column] | None = None
         self._count = 0
         known = dict(self._flatten(channel.msgtype, ""))
         missing = [name for name in fields if name not in known]
@@ -131,22 +155,20 @@ class Columns:
                 raise BagError(f"{channel.msgtype}.{name} in this bag is not {kinds[0]} but {kinds[1]}")
         self._items, self._exact = self._order(known)
 
-    def add(self, payload: bytes) -> None:
-        """Take one CDR payload."""
-        self._pending.append(payload)
-        if len(self._pending) == self.BATCH:
+    def add(self, payloads: Sequence[bytes]) -> None:
+        """Take CDR payloads, unless `finish` was called."""
+        self._pending += payloads
+        self._pending_bytes += sum(map(len, payloads))
+        if len(self._pending) >= self.BATCH or self._pending_bytes >= self.BATCH_BYTES:
             self._flush()
 
     def finish(self) -> dict[str, Column]:
         """Return one column a field, in the order in which the messages came."""
-        self._flush()
-        result: dict[str, Column] = {}
-        for name, parts in self._parts.items():
-            if parts and isinstance(parts[0], np.ndarray):
-                result[name] = np.concatenate(parts)
-            else:
-                result[name] = [entry for part in parts for entry in part]
-        return result
+        if self._finished is None:
+            self._flush()
+            grown = self._grown
+            self._finished = {n: grown[n].whole() if n in grown else self._lists[n] for n in self.fields}
+        return self._finished
 
     @property
     def kept(self) -> NDArray[np.int64]:
@@ -180,7 +202,7 @@ class Columns:
         return leaves
 
     def _flush(self) -> None:
-        payloads, self._pending = self._pending, []
+        payloads, self._pending, self._pending_bytes = self._pending, [], 0
         if not payloads:
             return
         columns: dict[str, Column] = {}
@@ -199,9 +221,9 @@ class Columns:
                 rest, block = rest[~taken], block[~taken]
         for name, column in columns.items():
             if isinstance(column, np.ndarray):
-                self._parts[name].append(column[good])
+                self._grown.setdefault(name, _Grown(column.dtype)).extend(column[good])
             else:
-                self._parts[name].append([column[i] for i in np.flatnonzero(good)])
+                self._lists[name] += [column[i] for i in np.flatnonzero(good)]
         self._kept.append(np.flatnonzero(good) + self._count)
         self._count += len(payloads)
 
@@ -243,6 +265,8 @@ class Columns:
                     listed[row] = entry[:-1].tobytes().decode("utf-8", "replace")
             else:
                 array = raw.view(order + leaf.code) if leaf.length else np.empty((len(at), 0), leaf.code)
+                if (raw == raw[:1]).all():  # places in the frame of the train stay: one array serves all messages
+                    array = np.broadcast_to(array[:1].copy(), array.shape)
                 for row, entry in zip(at, array, strict=True):
                     listed[row] = entry
         return same

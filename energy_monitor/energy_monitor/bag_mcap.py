@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .bag_channel import Channel, Record, Source, Wanted, type_name
+from .bag_channel import BATCH, Channel, Record, Source, Wanted, type_name
 from .bag_compression import decompress
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -25,7 +25,10 @@ _RECORD = struct.Struct("<BQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
 _CHUNK_PLACE = struct.Struct("<QQQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
+_WHOLE_MESSAGE = struct.Struct("<BQHIQQ")
 _FOOTER_SIZE = _RECORD.size + 20
+_RELEASED = 1 << 26
+"""Bytes of a mapped file behind which its pages are given back: else all of it counts as this process' memory."""
 _LATEST = 2**63 - 1
 
 
@@ -34,6 +37,8 @@ class _State:
     source: Source
     file: Path
     wanted: Wanted
+    mapped: mmap.mmap | None = None
+    released: int = 0
     schemas: dict[int, tuple[str, str, str]] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     used: dict[int, bool] = field(default_factory=dict)
@@ -44,10 +49,17 @@ class _State:
     def damaged(self, what: str) -> None:
         self.source.damaged(self.file, what)
 
+    def release(self, position: int) -> None:
+        """Give the pages of the mapped file before a position back; what is read of them again is read again."""
+        if self.mapped is not None and position - self.released >= _RELEASED and hasattr(mmap, "MADV_DONTNEED"):
+            end = position // mmap.PAGESIZE * mmap.PAGESIZE
+            self.mapped.madvise(mmap.MADV_DONTNEED, self.released, end - self.released)
+            self.released = end
 
-def mcap_records(source: Source, file: Path, wanted: Wanted, data: mmap.mmap | bytes) -> Iterator[Record]:
-    """Yield the records of one MCAP file whose content is `data`."""
-    state = _State(source, file, wanted)
+
+def mcap_batches(source: Source, file: Path, wanted: Wanted, data: mmap.mmap | bytes) -> Iterator[list[Record]]:
+    """Yield the records, in batches, of one MCAP file whose content is `data`."""
+    state = _State(source, file, wanted, data if isinstance(data, mmap.mmap) else None)
     with memoryview(data) as view:
         _summary(state, view)
         yield from _walk(state, view, len(MAGIC), top=True)
@@ -98,10 +110,19 @@ def _declare(state: _State, opcode: int, record: memoryview) -> None:
         state.damaged("a schema or channel in it cannot be read")
 
 
-def _walk(state: _State, data: memoryview, position: int, *, top: bool) -> Iterator[Record]:
+def _walk(state: _State, data: memoryview, position: int, *, top: bool) -> Iterator[list[Record]]:
     """Walk records from `position` to the footer or to the first one that is cut off; `top` outside of chunks."""
     size = len(data)
-    while position + _RECORD.size <= size:
+    batch: list[Record] = []
+    while True:
+        position = _messages(state, data, position, batch)
+        if batch:
+            yield batch
+        full, batch = len(batch) == BATCH, []
+        if full:
+            continue
+        if position + _RECORD.size > size:
+            return
         opcode, length = _RECORD.unpack_from(data, position)
         start = position + _RECORD.size
         end = start + length
@@ -110,21 +131,12 @@ def _walk(state: _State, data: memoryview, position: int, *, top: bool) -> Itera
             continue
         if opcode == _CHUNK:
             yield from _chunk(state, data[start : min(end, size)], whole=end <= size)
+            if top:
+                state.release(min(end, size))
         if end > size:
             return
         if opcode == _MESSAGE:
-            if length < _MESSAGE_HEAD.size:
-                state.damaged("a message in it is too short")
-            else:
-                identity, _, log_time, _ = _MESSAGE_HEAD.unpack_from(data, start)
-                if state.used.get(identity):
-                    channel = state.channels[identity]
-                    if log_time <= _LATEST:
-                        yield channel, log_time, bytes(data[start + _MESSAGE_HEAD.size : end])
-                    else:
-                        state.source.left_out[channel.topic, "their log time is damaged"] += 1
-                elif identity not in state.channels:
-                    state.damaged("messages in it belong to no topic that it knows")
+            _odd_message(state, data[start:end])
         elif opcode in (_SCHEMA, _CHANNEL):
             _declare(state, opcode, data[start:end])
         elif opcode in (_FOOTER, _DATA_END) and top:
@@ -136,6 +148,46 @@ def _walk(state: _State, data: memoryview, position: int, *, top: bool) -> Itera
         position = end
 
 
+def _messages(state: _State, data: memoryview, position: int, batch: list[Record]) -> int:
+    """Put the messages that follow each other from `position` on into a batch; give the place behind the last of them.
+
+    A batch is full with the first that is not one, that is cut off, or of which something is to be said. Most of a bag
+    goes through this loop.
+    """
+    last = len(data) - _WHOLE_MESSAGE.size
+    size, unpack, used, channels, append = (
+        len(data),
+        _WHOLE_MESSAGE.unpack_from,
+        state.used,
+        state.channels,
+        batch.append,
+    )
+    while position <= last and len(batch) < BATCH:
+        opcode, length, identity, _, log_time, _ = unpack(data, position)
+        end = position + _RECORD.size + length
+        if opcode != _MESSAGE or end > size or length < _MESSAGE_HEAD.size or log_time > _LATEST:
+            return position
+        wanted = used.get(identity)
+        if wanted:
+            append((channels[identity], log_time, bytes(data[position + _WHOLE_MESSAGE.size : end])))
+        elif wanted is None:
+            return position
+        position = end
+    return position
+
+
+def _odd_message(state: _State, record: memoryview) -> None:
+    """Say why a message cannot be used, if anybody wants it."""
+    if len(record) < _MESSAGE_HEAD.size:
+        state.damaged("a message in it is too short")
+        return
+    identity, _, _, _ = _MESSAGE_HEAD.unpack_from(record)
+    if identity not in state.channels:
+        state.damaged("messages in it belong to no topic that it knows")
+    elif state.used.get(identity):
+        state.source.left_out[state.channels[identity].topic, "their log time is damaged"] += 1
+
+
 def _resume(state: _State, position: int, size: int) -> int:
     """Find the next chunk behind a damaged record by the index at the end; `size` if there is none."""
     index = bisect.bisect_right(state.chunks, position)
@@ -144,7 +196,7 @@ def _resume(state: _State, position: int, size: int) -> int:
     return following
 
 
-def _chunk(state: _State, data: memoryview, *, whole: bool) -> Iterator[Record]:
+def _chunk(state: _State, data: memoryview, *, whole: bool) -> Iterator[list[Record]]:
     if len(data) < _CHUNK_HEAD.size + 4:
         return
     begin, _, _, checksum = _CHUNK_HEAD.unpack_from(data)

@@ -36,11 +36,11 @@ class Part:
     log_times: array[int] = field(default_factory=lambda: array("q"))
     places: array[int] = field(default_factory=lambda: array("q"))
 
-    def add(self, log_time: int, place: int, payload: bytes) -> None:
-        """Take one message."""
-        self.columns.add(payload)
-        self.log_times.append(log_time)
-        self.places.append(place)
+    def add(self, log_times: Sequence[int], places: Sequence[int], payloads: Sequence[bytes]) -> None:
+        """Take messages."""
+        self.columns.add(payloads)
+        self.log_times.extend(log_times)
+        self.places.extend(places)
 
 
 @dataclass(frozen=True)

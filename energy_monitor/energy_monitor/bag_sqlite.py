@@ -10,15 +10,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from .bag_channel import CDR, BagError, Channel, Record, Source, Wanted, type_name
+from .bag_channel import BATCH, CDR, BagError, Channel, Record, Source, Wanted, type_name
 
 _LEFT_BEHIND = ("-wal", "-journal")
 _LATEST = 2**63 - 1
 
 
-def sqlite_records(source: Source, file: Path, wanted: Wanted, content: bytes | None = None) -> Iterator[Record]:
-    """Yield the records of one sqlite3 file; `content` is what was in it where it is compressed."""
+def sqlite_batches(source: Source, file: Path, wanted: Wanted, content: bytes | None = None) -> Iterator[list[Record]]:
+    """Yield the records, in batches, of one sqlite3 file; `content` is what was in it where it is compressed."""
     known = False
+    batch: list[Record] = []
     try:
         with _opened(source, file, content) as connection:
             channels = _channels(connection)
@@ -30,7 +31,10 @@ def sqlite_records(source: Source, file: Path, wanted: Wanted, content: bytes | 
             query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY id"
             for identity, log_time, payload in connection.execute(query, tuple(used)):
                 if isinstance(payload, bytes) and isinstance(log_time, int) and 0 <= log_time <= _LATEST:
-                    yield used[identity], log_time, payload
+                    batch.append((used[identity], log_time, payload))
+                    if len(batch) == BATCH:
+                        yield batch
+                        batch = []
                 else:
                     source.left_out[used[identity].topic, "their entry is damaged"] += 1
     except (sqlite3.Error, ValueError, OverflowError) as error:
@@ -38,6 +42,7 @@ def sqlite_records(source: Source, file: Path, wanted: Wanted, content: bytes | 
             hint = f": `sqlite3 {file} .recover` may save a part of it" if "malformed" in str(error) else ""
             raise BagError(f"{file}: not a bag that can be read ({error}){hint}") from None
         source.damaged(file, f"what follows the last message that could be read is left out ({error})")
+    yield batch
 
 
 @contextmanager

@@ -9,31 +9,40 @@ from pathlib import Path
 from .bag_channel import BagError, Channel, Record, Source, Wanted
 from .bag_compression import codec_of, decompress, decompress_file, is_compressed
 from .bag_folder import open_source, storage_of
-from .bag_mcap import MAGIC, mcap_records
-from .bag_sqlite import sqlite_records
+from .bag_mcap import MAGIC, mcap_batches
+from .bag_sqlite import sqlite_batches
 
-__all__ = ["BagError", "Channel", "Source", "Wanted", "file_records", "open_source"]
+__all__ = ["BagError", "Channel", "Source", "Wanted", "file_batches", "open_source"]
 
 
-def file_records(source: Source, file: Path, wanted: Wanted) -> Iterator[Record]:
+def file_batches(source: Source, file: Path, wanted: Wanted) -> Iterator[list[Record]]:
     """Yield (channel, log time in ns, payload) of one file, of the channels that `wanted` accepts, as they lie in it.
 
-    Messages that are compressed one by one come decompressed. Fills `source.channels` with every channel met, clears
-    `source.complete` and adds notes where the file is cut off or damaged. Raises BagError for a file that is no bag.
+    They come in lists of any length, and decompressed where messages are compressed one by one. Fills
+    `source.channels` with every channel met, clears `source.complete` and adds notes where the file is cut off or
+    damaged. Raises BagError for a file that is no bag.
     """
-    for channel, log_time, payload in _raw(source, file, wanted):
+    for batch in _raw(source, file, wanted):
         # CDR begins with a zero byte, what compresses a message does not.
-        if payload[:1] == b"\0" or (codec := codec_of(payload[:4])) is None:
-            yield channel, log_time, payload
-            continue
-        plain = decompress(codec, payload)
-        if plain.problem is None:
-            yield channel, log_time, plain.data
+        if all(record[2][:1] == b"\0" for record in batch):
+            yield batch
         else:
-            source.left_out[channel.topic, f"they cannot be decompressed ({plain.problem})"] += 1
+            yield [plain for record in batch if (plain := _decompressed(source, record)) is not None]
 
 
-def _raw(source: Source, file: Path, wanted: Wanted) -> Iterator[Record]:
+def _decompressed(source: Source, record: Record) -> Record | None:
+    """Give a record whose message is not compressed; None, and a count, if it cannot be decompressed."""
+    channel, log_time, payload = record
+    if payload[:1] == b"\0" or (codec := codec_of(payload[:4])) is None:
+        return record
+    plain = decompress(codec, payload)
+    if plain.problem is None:
+        return channel, log_time, plain.data
+    source.left_out[channel.topic, f"they cannot be decompressed ({plain.problem})"] += 1
+    return None
+
+
+def _raw(source: Source, file: Path, wanted: Wanted) -> Iterator[list[Record]]:
     if file.stat().st_size == 0:
         raise BagError(f"{file}: empty, nothing was recorded")
     with file.open("rb") as stream:
@@ -44,14 +53,14 @@ def _raw(source: Source, file: Path, wanted: Wanted) -> Iterator[Record]:
         if plain.problem:
             source.damaged(file, f"it cannot be decompressed to its end ({plain.problem})")
         if storage == "mcap":
-            yield from mcap_records(source, file, wanted, _checked(file, plain.data))
+            yield from mcap_batches(source, file, wanted, _checked(file, plain.data))
         else:
-            yield from sqlite_records(source, file, wanted, plain.data)
+            yield from sqlite_batches(source, file, wanted, plain.data)
     elif storage == "sqlite3":
-        yield from sqlite_records(source, file, wanted)
+        yield from sqlite_batches(source, file, wanted)
     else:
         with file.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as mapped:
-            yield from mcap_records(source, file, wanted, _checked(file, mapped))
+            yield from mcap_batches(source, file, wanted, _checked(file, mapped))
 
 
 def _checked(file: Path, data: mmap.mmap | bytes) -> mmap.mmap | bytes:

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 from rosbags.interfaces import Connection, Qos
@@ -16,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from energy_monitor.bag_channel import CDR, BagError, Channel, Source
 from energy_monitor.bag_columns import types_of
 from energy_monitor.bag_folder import base_name
-from energy_monitor.bag_storage import file_records, open_source
+from energy_monitor.bag_storage import file_batches, open_source
 from energy_monitor.definitions import SEPARATOR, UNKNOWN_DIGEST
 from energy_monitor.recorder import SteadyWriter
 
@@ -70,7 +71,7 @@ def recover(bag: Path, out: Path | None = None) -> Recovered:
 def _copy(source: Source, writer: SteadyWriter, found: Recovered) -> None:
     connections: dict[int, tuple[Channel, Connection | None]] = {}
     for file in source.files:
-        for channel, log_time, payload in file_records(source, file, lambda _: True):
+        for channel, log_time, payload in chain.from_iterable(file_batches(source, file, lambda _: True)):
             entry = connections.get(id(channel))
             if entry is None:
                 entry = connections[id(channel)] = (channel, _connect(source, writer, channel))

@@ -15,7 +15,7 @@ from pathlib import Path
 from bench.realtime.disturbance import OUTSIDE, Work, plain, work_of
 from bench.realtime.session import BEGUN_BYTES, END_SECONDS, START_SECONDS, processes
 from bench.realtime.usage import children
-from phil_node.shared_memory import litter, snapshot
+from phil_node.shared_memory import litter, remove_litter, snapshot
 from soak.looks import Sample, sample
 from soak.options import Options
 
@@ -82,6 +82,8 @@ def soak(options: Options, say: Callable[[str], None]) -> Soaked:
                 break
             due = max(due + EVERY, now)
             _sleep_until(due, child)
+        left = _left(samples, before)  # viewers that still hold what was the ride's would leave it themselves
+    remove_litter(before)
     texts = [
         _viewer_log(options, number).read_text(encoding="utf-8", errors="replace") for number in range(len(viewers))
     ]
@@ -90,7 +92,7 @@ def soak(options: Options, say: Callable[[str], None]) -> Soaked:
         code=child.returncode,
         said=log.read_text(encoding="utf-8", errors="replace"),
         work=work_of(texts, "", None) if viewers else None,
-        left=_left(samples, before),
+        left=left,
     )
 
 

@@ -97,7 +97,7 @@ def test_big_endian_and_other_frame_ids() -> None:
     frames = ["rig", "train", "", "rig"]
     for i in range(40):
         message = whole(header(stamp(i, 0), frames[i % 4]), point(0.0, 0.1 * i, 0.0))
-        columns.add(bytes(store.serialize_cdr(message, kind, little_endian=i % 3 > 0)))
+        columns.add([bytes(store.serialize_cdr(message, kind, little_endian=i % 3 > 0))])
     found = columns.finish()
     np.testing.assert_array_equal(found["header.stamp.sec"], np.arange(40))
     np.testing.assert_array_equal(found["point.y"], 0.1 * np.arange(40))

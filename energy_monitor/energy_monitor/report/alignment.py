@@ -103,7 +103,10 @@ def align(bag: Bag, whole: bool = False, ride: int | None = None) -> Aligned:
     if len(common) == 0:
         raise BagError("rig state, catenary state and command have no cycle in common")
     missing = np.setdiff1d(np.arange(begin, end + 1), common, assume_unique=True)
-    taken = [table.take(np.searchsorted(c, common)) for table, c in zip(tables, cycles, strict=True)]
+    taken = [
+        table if len(c) == len(common) else table.take(np.searchsorted(c, common))
+        for table, c in zip(tables, cycles, strict=True)
+    ]
     return Aligned(
         bag=bag_of_ride(bag, rides, chosen),
         cycle=common,

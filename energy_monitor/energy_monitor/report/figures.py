@@ -10,6 +10,7 @@ import numpy as np
 
 from energy_monitor.bag import Table
 from energy_monitor.report import wires
+from energy_monitor.report.outline import highest, line, lowest, pieces
 from energy_monitor.report.results import Floats, Report, Series
 from energy_monitor.report.style import (
     CONTROLLER,
@@ -73,7 +74,7 @@ def displacement(report: Report) -> Any:
             upper, lower = axes[:, column]
             shown = (series.time >= begin) & (series.time <= end)
             _displacement(upper, series, shown)
-            lower.plot(series.time[shown], error[shown], color=INK, linewidth=0.8)
+            line(lower, series.time[shown], error[shown], color=INK, linewidth=0.8)
             extent(lower, begin, end)
             lower.set_xlabel("time in s")
         axes[0, 0].set_title("Contact point, whole ride")
@@ -146,17 +147,16 @@ def conservation(report: Report) -> Any:
                 series.time, -band, band, color=FAINT, alpha=0.3, linewidth=0, label=f"±{limit:g} % of exchanged"
             )
         for axes, sums, accumulated in ((upper, "delta_e", "delta_work"), (lower, "delta_p", "delta_impulse")):
-            axes.plot(
-                series.time, getattr(series, accumulated), color=RIG, alpha=0.4, linewidth=4.0, label="accumulated"
-            )
-            axes.plot(series.time, getattr(series, sums), color=FAINT, linewidth=4.0, label="sums")
+            broad = {"linewidth": 4.0}
+            line(axes, series.time, getattr(series, accumulated), color=RIG, alpha=0.4, label="accumulated", **broad)
+            line(axes, series.time, getattr(series, sums), color=FAINT, label="sums", **broad)
             for node, table in series.books.items():
                 label, colour = KEEPERS[node]
                 style = "-" if node == "energy_monitor" else (0, (4, 3))
                 time = table.real("cycle") * report.ride.ts
                 for number, values in enumerate((_kept(table, sums), _kept(table, accumulated))):
                     own = label if number == 0 else None
-                    axes.plot(time, values, color=colour, linewidth=1.2, linestyle=style, label=own)
+                    line(axes, time, values, color=colour, linewidth=1.2, linestyle=style, label=own)
             _run_in(axes, series)
         least = limit / 100.0 * float(series.exchanged_energy[-1]) if limit is not None else 0.0
         room(upper, np.concatenate([series.delta_e, series.delta_work, [-least, least]]))
@@ -185,12 +185,14 @@ def correction(report: Report) -> Any:
         window = zoom(series)
         for axes, (begin, end) in zip(both, ((series.time[0], series.time[-1]), window), strict=True):
             shown = (series.time >= begin) & (series.time <= end)
-            time = series.time[shown]
-            low, high = series.f_cor_lower[shown], series.f_cor_upper[shown]
-            axes.fill_between(time, low, high, color=FAINT, alpha=0.55, linewidth=0, step="post", label="allowed")
-            axes.plot(
-                time, series.f_cor[shown], color=INK, linewidth=0.8, drawstyle="steps-post", label="$F_\\mathrm{cor}$"
+            times, low, high = series.time[shown], series.f_cor_lower[shown], series.f_cor_upper[shown]
+            size = pieces(len(times))
+            least, most = lowest(low, size), highest(high, size)
+            axes.fill_between(
+                times[::size], least, most, color=FAINT, alpha=0.55, linewidth=0, step="post", label="allowed"
             )
+            force = series.f_cor[shown]
+            line(axes, times, force, color=INK, linewidth=0.8, drawstyle="steps-post", label="$F_\\mathrm{cor}$")
             extent(axes, begin, end)
             axes.set_xlabel("time in s")
         both[0].axvspan(*window, color=FAINT, alpha=0.2, linewidth=0)
@@ -264,18 +266,17 @@ def overview(report: Report) -> Any:
 
 
 def _displacement(axes: Any, series: Series, shown: Any) -> None:
-    axes.plot(
-        series.time[shown], series.w_cat[shown] * 1e3, color=WIRE, linewidth=3.2, alpha=0.45, label="contact wire"
-    )
-    axes.plot(series.time[shown], series.w_tr[shown] * 1e3, color=RIG, linewidth=1.1, label="rig")
-    room(axes, np.concatenate([series.w_cat[shown], series.w_tr[shown]]) * 1e3, least=2.0)
+    time, wire, rig = series.time[shown], series.w_cat[shown] * 1e3, series.w_tr[shown] * 1e3
+    line(axes, time, wire, color=WIRE, linewidth=3.2, alpha=0.45, label="contact wire")
+    line(axes, time, rig, color=RIG, linewidth=1.1, label="rig")
+    room(axes, np.concatenate([wire, rig]), least=2.0)
 
 
 def _force(axes: Any, report: Report, shown: Any) -> None:
     series, force = report.series, report.contact_force
     time = series.time[shown]
-    axes.plot(time, series.f_raw[shown], color=FAINT, linewidth=0.7, label="measured")
-    axes.plot(time, series.f_filtered[shown], color=WIRE, linewidth=1.2, label="below 20 Hz")
+    line(axes, time, series.f_raw[shown], color=FAINT, linewidth=0.7, label="measured")
+    line(axes, time, series.f_filtered[shown], color=WIRE, linewidth=1.2, label="below 20 Hz")
     axes.axhline(force.mean, color=INK, linewidth=0.9, label=f"mean {force.mean:.1f} N")
     for value, label in ((force.statistical_minimum, "mean ± 3σ"), (force.statistical_maximum, None)):
         axes.axhline(value, color=MUTED, linewidth=0.9, linestyle=":", label=label)

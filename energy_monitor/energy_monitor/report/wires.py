@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 
 from energy_monitor.bag import Table
+from energy_monitor.report.outline import pieces
 from energy_monitor.report.results import Floats, Report
 from energy_monitor.report.style import INK, MUTED, RIG, WIRE, figure
 
 MAP = "viridis"
+SHAPES = 2000
+"""Shapes that are coloured at most: more than the picture has rows."""
 STEP = 20.0
 """Dropper forces of one colour, N."""
 
@@ -116,6 +119,7 @@ def _space_time(drawing: Any, axes: Any, report: Report, table: Table) -> None:
     """Colour the displacement of the contact wire over place (in the frame of the train) and time."""
     size = [len(entry) for entry in table.entries("x")]
     rows = [i for i, n in enumerate(size) if n == size[-1] and n > 1]
+    rows = rows[:: pieces(len(rows), SHAPES)]
     x = np.asarray(table.entries("x")[rows[-1]], np.float64)
     contact = np.array([table.entries("contact")[i] for i in rows], np.float64) * 1e3
     time = table.real("cycle")[rows] * report.ride.ts

@@ -72,6 +72,7 @@ def write_report(
             ride=ride,
         )
         out = Path(out_dir) if out_dir else default_folder(bag)
+        del bag  # what the report does not hold of it makes room for the pictures
         if html or not json_file:
             out.mkdir(parents=True, exist_ok=True)
         if html:
