@@ -63,6 +63,9 @@ _LISTS: Mapping[str, tuple[str, ...]] = {
 }
 """Those of the fields that are sequences or strings."""
 
+_THIN: Mapping[str, tuple[str, ...]] = {"WireShape": ("x", "contact", "carrier", "dropper_force")}
+"""Those of the sequences that are for pictures only."""
+
 _PACKAGE = "phil_interfaces/msg/"
 _NEEDED = ("RigState", "CatenaryState", "ImpedanceCommand")
 """Types without which there are no numbers."""
@@ -104,8 +107,12 @@ class Table:
         return self[name].astype(np.float64, copy=False)
 
     def take(self, rows: NDArray[Any]) -> Table:
-        """Return the table with these rows (indices or mask) only."""
+        """Return the table with these rows (indices or mask) only; rows that follow each other are not copied."""
         index = np.arange(len(self))[rows]
+        if len(index) and (np.diff(index) == 1).all():
+            run = slice(int(index[0]), int(index[-1]) + 1)
+            views: dict[str, Column] = {name: column[run] for name, column in self.columns.items()}
+            return Table(self.topic, self.msgtype, self.log_time[run], views)
         columns: dict[str, Column] = {
             name: column[index] if isinstance(column, np.ndarray) else [column[i] for i in index]
             for name, column in self.columns.items()
@@ -296,7 +303,7 @@ class _Reading:
         if part is None:
             short = _short(channel.msgtype)
             try:
-                columns = Columns(channel, self._fields[short], _LISTS.get(short, ()))
+                columns = Columns(channel, self._fields[short], _LISTS.get(short, ()), _THIN.get(short, ()))
             except BagError as error:
                 several = f"{file.name}: " if len(self._source.files) > 1 else ""
                 if isinstance(error, DefinitionError) and short not in _NEEDED:

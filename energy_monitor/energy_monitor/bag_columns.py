@@ -123,11 +123,16 @@ class Columns:
 
     BATCH = 4096
     BATCH_BYTES = 1 << 22
+    THIN = 4000
+    """Entries of a field to be thinned up to which all are kept; of more every second, fourth, ... is."""
 
-    def __init__(self, channel: Channel, fields: Sequence[str], lists: Sequence[str] | None = None) -> None:
+    def __init__(
+        self, channel: Channel, fields: Sequence[str], lists: Sequence[str] | None = None, thin: Sequence[str] = ()
+    ) -> None:
         """Prepare for a channel; raises BagError if its type lacks a wanted field.
 
-        `lists` names those of the fields that have to be strings or sequences, where the others have to be scalars.
+        `lists` names those of the fields that have to be strings or sequences, where the others have to be scalars;
+        `thin` those of the sequences that are only for pictures: of very many messages most entries are left empty.
         """
         self.channel = channel
         self.fields = tuple(fields)
@@ -138,6 +143,8 @@ class Columns:
         self._pending_bytes = 0
         self._grown: dict[str, _Grown] = {}
         self._lists: dict[str, list[Any]] = {name: [] for name in fields}
+        self._thin = [name for name in thin if name in fields]
+        self._stride = 1
         self._kept: list[NDArray[np.int64]] = []
         self._finished: dict[str, Column] | None = None
         self._count = 0
@@ -224,8 +231,23 @@ class Columns:
                 self._grown.setdefault(name, _Grown(column.dtype)).extend(column[good])
             else:
                 self._lists[name] += [column[i] for i in np.flatnonzero(good)]
+        self._thin_out(int(good.sum()))
         self._kept.append(np.flatnonzero(good) + self._count)
         self._count += len(payloads)
+
+    def _thin_out(self, fresh: int) -> None:
+        """Empty the entries that are not to be kept; what is kept is a copy, that does not hold its whole batch."""
+        for name in self._thin:
+            entries = self._lists[name]
+            stride = 1
+            while len(entries) > stride * self.THIN:
+                stride *= 2
+            begin = 0 if stride != self._stride else len(entries) - fresh
+            nothing = entries[0][:0].copy() if entries else None
+            for i in range(begin, len(entries)) if stride > 1 else ():
+                entries[i] = nothing if i % stride else entries[i].copy()
+        if self._thin:
+            self._stride = stride
 
     def _decode(
         self,

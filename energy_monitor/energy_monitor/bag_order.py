@@ -89,8 +89,10 @@ def joined(parts: Sequence[Part]) -> Joined:
         kept = part.columns.kept
         if not len(kept):
             continue
-        times.append(np.frombuffer(part.log_times, np.int64)[kept])
-        places.append(np.frombuffer(part.places, np.int64)[kept])
+        whole = len(kept) == len(part.log_times)
+        for found_there, into in ((part.log_times, times), (part.places, places)):
+            everything = np.frombuffer(found_there, np.int64)
+            into.append(everything if whole else everything[kept])
         found.append(columns)
     if len(found) < 2:
         empty = np.zeros(0, np.int64)

@@ -142,9 +142,10 @@ def conservation(report: Report) -> Any:
         upper, lower = drawing.subplots(2, 1, sharex=True)
         limit = next((v.high for v in report.verdicts if v.key == "energy"), None)
         if limit is not None:
-            band = limit / 100.0 * series.exchanged_energy
+            size = pieces(len(series.time))
+            time, band = series.time[::size], limit / 100.0 * series.exchanged_energy[::size]
             upper.fill_between(
-                series.time, -band, band, color=FAINT, alpha=0.3, linewidth=0, label=f"±{limit:g} % of exchanged"
+                time, -band, band, color=FAINT, alpha=0.3, linewidth=0, label=f"±{limit:g} % of exchanged"
             )
         for axes, sums, accumulated in ((upper, "delta_e", "delta_work"), (lower, "delta_p", "delta_impulse")):
             broad = {"linewidth": 4.0}

@@ -52,7 +52,10 @@ def snapshot(drawing: Any, axes: Any, report: Report, time: float) -> bool:
     if table is None or len(table) == 0:
         return False
     at = table.real("cycle") * report.ride.ts
-    index = int(np.abs(at - time).argmin())
+    rows = np.flatnonzero([len(entry) > 0 for entry in table.entries("x")])  # of a long ride not every shape is kept
+    if not len(rows):
+        return False
+    index = int(rows[np.abs(at[rows] - time).argmin()])
     x, contact, carrier, places, tension, masts = (
         np.asarray(table.entries(name)[index], np.float64)
         for name in ("x", "contact", "carrier", "dropper_x", "dropper_force", "mast_x")
@@ -118,7 +121,8 @@ def _pantograph(axes: Any, height: float, bottom: float, width: float) -> None:
 def _space_time(drawing: Any, axes: Any, report: Report, table: Table) -> None:
     """Colour the displacement of the contact wire over place (in the frame of the train) and time."""
     size = [len(entry) for entry in table.entries("x")]
-    rows = [i for i, n in enumerate(size) if n == size[-1] and n > 1]
+    usual = next((n for n in reversed(size) if n), 0)
+    rows = [i for i, n in enumerate(size) if n == usual and n > 1]
     rows = rows[:: pieces(len(rows), SHAPES)]
     x = np.asarray(table.entries("x")[rows[-1]], np.float64)
     contact = np.array([table.entries("contact")[i] for i in rows], np.float64) * 1e3
