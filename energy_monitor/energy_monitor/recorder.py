@@ -7,18 +7,21 @@ second, so that a recording that is killed is readable up to its last chunk, wit
 from __future__ import annotations
 
 import errno
+import struct
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryFile
 from time import monotonic, time_ns
 from types import MappingProxyType
 from typing import Any
 
 from rosbags.interfaces import Connection, Qos
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter, Schema, write_schema
 
 from energy_monitor.definitions import Definition
@@ -29,12 +32,65 @@ POLL_PERIOD = 0.02
 """s between two looks at the queue; short enough to keep it small, long enough to cost nothing."""
 
 
+_SIZE = struct.Struct("<I")
+
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the operating system says of a full disk, a quota that is used up, and a limit of the size of files."""
 
 
+class ChunkIndex:
+    """What is to stand of each chunk at the end of the file, until then in a file without a name.
+
+    In memory it would grow by some 2 MB in an hour. It goes with the process, however that ends.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Begin an empty index; its file takes room on the disk of ``folder``."""
+        self._file = TemporaryFile(dir=folder)  # noqa: SIM115 - open for as long as the bag
+        self._count = 0
+
+    def __len__(self) -> int:
+        """Count the chunks."""
+        return self._count
+
+    def __iter__(self) -> Iterator[BytesIO]:
+        """Give the records in their order, each ready to be written."""
+        self._file.seek(0)
+        for _ in range(self._count):
+            (size,) = _SIZE.unpack(self._file.read(_SIZE.size))
+            record = BytesIO()
+            record.write(self._file.read(size))
+            yield record
+
+    def append(self, record: BytesIO) -> None:
+        """Add the record of a chunk."""
+        self._file.write(_SIZE.pack(record.tell()))
+        self._file.write(record.getbuffer())
+        self._count += 1
+
+    def close(self) -> None:
+        """Drop all."""
+        self._file.close()
+
+
 class SteadyMcap(McapWriter):
-    """MCAP storage whose chunk can be closed before it is full."""
+    """MCAP storage whose chunk can be closed before it is full, and whose memory does not grow with the bag."""
+
+    def __init__(self, path: Path, compression: CompressionMode) -> None:
+        """Create the file."""
+        super().__init__(path, compression)
+        self.chunks: ChunkIndex = ChunkIndex(path)  # type: ignore[assignment]
+
+    def close(self, version: int, metadata: str) -> None:
+        """Write the index and close the file."""
+        super().close(version, metadata)
+        self.chunks.close()
+
+    def abort(self) -> None:
+        """Close the file without an index."""
+        with suppress(OSError):  # what is still in its buffer, on a full disk
+            self.chunks.close()
+        super().abort()
 
     def add_msgtype(self, connection: Connection) -> None:
         """Add a type; without a definition it has an empty schema, which readers pass over and an empty text is not."""

@@ -1,13 +1,15 @@
 """The writing half of the recorder, without ROS."""
 
 import time
+import tracemalloc
 
 import pytest
+from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
-from rosbags.rosbag2 import Reader, WriterError
+from rosbags.rosbag2 import Reader, StoragePlugin, WriterError
 
 from energy_monitor.definitions import Definition, definition_of, references
-from energy_monitor.recorder import BagSink, Channel
+from energy_monitor.recorder import BagSink, Channel, SteadyWriter
 
 HEADER = "std_msgs/msg/Header"
 
@@ -58,6 +60,29 @@ def test_the_file_can_be_read_before_it_is_closed(tmp_path):
     assert found
     sink.close()
     assert len(messages_in(file)) == sent
+
+
+def test_the_index_of_many_chunks_is_whole_and_takes_no_memory(tmp_path):
+    writer = SteadyWriter(tmp_path / "ride", version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.open()
+    definition = definition_of(HEADER)
+    connection = writer.add_connection("/t", HEADER, msgdef=definition.text, rihs01=definition.digest)
+    tracemalloc.start()
+    for k in range(3000):
+        writer.write(connection, k, k.to_bytes(8, "little"))
+        writer.sync()
+        if k == 100:
+            before = tracemalloc.get_traced_memory()[0]
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown < 20_000  # bytes, of 2900 chunks
+    writer.close()
+    assert sorted(file.name for file in (tmp_path / "ride").iterdir()) == ["metadata.yaml", "ride.mcap"]
+    with (tmp_path / "ride" / "ride.mcap").open("rb") as stream:
+        index = make_reader(stream).get_summary().chunk_indexes
+    assert [chunk.message_start_time for chunk in index] == list(range(3000))
+    with Reader(tmp_path / "ride") as reader:  # by the index
+        assert [int.from_bytes(data, "little") for _, _, data in reader.messages()] == list(range(3000))
 
 
 def test_topics_without_messages_are_in_the_bag(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,9 @@ def draw_all(report: Report, folder: Path) -> dict[str, Path]:
         drawing = draw(report)
         if drawing is not None:
             files[name] = save(drawing, folder / f"{name}.png")
+            del drawing
+            if pieces(len(report.series.time)) > 1:
+                gc.collect()  # what hangs together in a circle in a figure holds the data of a long ride
     return files
 
 
