@@ -83,7 +83,9 @@ def joined(parts: Sequence[Part]) -> Joined:
 
     Raises BagError if a field is a number in one and a list in the other.
     """
-    times, places, found = [], [], []
+    times: list[Integers] = []
+    places: list[Integers] = []
+    found: list[dict[str, Column]] = []
     for part in parts:
         columns = part.columns.finish()
         kept = part.columns.kept

@@ -113,6 +113,6 @@ def size_of_segments(names: frozenset[str]) -> int:
 def sample(processes: Mapping[str, int], logs: Sequence[Path], closely: bool) -> Sample:
     """Look at all processes (name to process number); those that are gone are left out."""
     looks = {name: found for name, pid in processes.items() if (found := look(pid))}
-    deep = {name: found for name, pid in processes.items() if closely and (found := deep_look(pid))}
+    deep = {name: close for name, pid in processes.items() if closely and (close := deep_look(pid))}
     segments = size_of_segments(frozenset().union(*(one.segments for one in deep.values()))) if deep else None
     return Sample(time.time_ns(), looks, sum(map(size_of, logs)), deep, segments)
