@@ -29,6 +29,8 @@ QUIET = 0.3
 """s without a message that end the recording once it was asked to end."""
 LOOK = 0.05
 """s between two looks at signals, clock and graph; messages are taken as they come."""
+STEADY_LOOK = 0.2
+"""The same once all topics are found: rclpy's events executor keeps 32 bytes of each such turn for good."""
 DRAIN = 2.0
 """s after which the recording ends although messages still come."""
 
@@ -375,7 +377,7 @@ def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Name
     waiting = options.ready_file is not None
     show = sys.stdout.isatty()
     while not asked and sink.error is None:
-        executor.spin_until_future_complete(never, timeout_sec=LOOK)
+        executor.spin_until_future_complete(never, timeout_sec=STEADY_LOOK if first and not waiting else LOOK)
         now = monotonic()
         if not recorder.complete and now - looked >= look_period(now - began, waiting):
             looked = now

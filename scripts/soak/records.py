@@ -16,6 +16,8 @@ EVERY_CYCLE = {"RigState": 0, "ImpedanceCommand": 0, "CatenaryState": 1}
 """Types of which there is one message a cycle; and how many cycles more than the ride's it goes on."""
 DECIMATED = ("ConservedQuantities", "ContactQuality", "WireShape")
 FIELDS = dict.fromkeys((*EVERY_CYCLE, *DECIMATED), ("cycle",)) | {"CycleTiming": ("cycle", "turnaround")}
+REPEATED = 0.2
+"""s after which the catenary says its state again as long as no command answers it; sooner it is a record too many."""
 DRIFT_LOCKSTEP = 0.1
 """s by which a node may come to be further behind the rig where nobody follows a clock."""
 
@@ -64,13 +66,15 @@ def stream(table: Table, cycles: int) -> Stream:
 
     Batches of timing have to hold so many cycles together; of a decimated topic every one up to the last has to be
     there.
-    The catenary's first and last state may come again: it repeats them until it is heard.
+    The catenary's state may come again after some time: it repeats it until it is answered.
     """
-    cycle = np.sort(table["cycle"].astype(np.int64))
+    order = np.argsort(table["cycle"].astype(np.int64), kind="stable")
+    cycle = table["cycle"].astype(np.int64)[order]
     step = np.diff(cycle)
     again = cycle[1:][step == 0]
     if table.msgtype == "CatenaryState":
-        again = again[(again != cycle[0]) & (again != cycle[-1])]
+        later = np.diff(table.log_time[order])[step == 0] * 1e-9
+        again = again[(again != cycle[0]) & (again != cycle[-1]) & (later < REPEATED)]
     if table.msgtype in EVERY_CYCLE:
         wanted = cycles + EVERY_CYCLE[table.msgtype]
         missing = wanted - len(np.unique(cycle[(cycle >= 0) & (cycle < wanted)]))
@@ -79,7 +83,7 @@ def stream(table: Table, cycles: int) -> Stream:
     else:
         rising = step[step > 0]
         usual = int(np.median(rising)) if len(rising) else 1
-        missing = int((np.maximum(0, rising - 1) // usual).sum()) + int(cycles - 1 - cycle[-1]) // usual
+        missing = int((np.maximum(0, rising - 1) // usual).sum()) + max(0, int(cycles - 1 - cycle[-1])) // usual
     return Stream(table.topic, len(table), missing, len(again))
 
 
