@@ -14,10 +14,11 @@ from soak.judge import Floats, Trend, Verdict, trend
 
 EVERY_CYCLE = {"RigState": 0, "ImpedanceCommand": 0, "CatenaryState": 1}
 """Types of which there is one message a cycle; and how many cycles more than the ride's it goes on."""
-DECIMATED = ("ConservedQuantities", "ContactQuality", "WireShape")
+DECIMATED = ("ConservedQuantities", "ContactQuality")
+"""Of the decimated types those that are kept for a listener that is held up; the others are for viewing."""
 FIELDS = dict.fromkeys((*EVERY_CYCLE, *DECIMATED), ("cycle",)) | {"CycleTiming": ("cycle", "turnaround")}
 REPEATED = 0.2
-"""s after which the catenary says its state again as long as no command answers it; sooner it is a record too many."""
+"""s after which a node says again what nobody answers; sooner the same cycle is a record too many."""
 DRIFT_LOCKSTEP = 0.1
 """s by which a node may come to be further behind the rig where nobody follows a clock."""
 
@@ -58,23 +59,28 @@ def records_of(bag: Bag, cycles: int) -> Records:
     tables = sorted(bag.tables.values(), key=lambda table: table.topic)
     rig = next((table for table in tables if table.msgtype == "RigState"), None)
     behind = {} if rig is None else {table.topic: found for table in tables if (found := _behind(rig, table))}
-    return Records(bag.complete, bag.notes, [stream(table, cycles) for table in tables], behind)
+    return Records(bag.complete, bag.notes, [stream(table, cycles, rig) for table in tables], behind)
 
 
-def stream(table: Table, cycles: int) -> Stream:
+def stream(table: Table, cycles: int, rig: Table | None = None) -> Stream:
     """Count what is missing and double in a stream of a ride of ``cycles`` cycles.
 
     Batches of timing have to hold so many cycles together; of a decimated topic every one up to the last has to be
     there.
-    The catenary's state may come again after some time: it repeats it until it is answered.
+    What is sent in every cycle may come again after some time: a node repeats it until it is answered. A state of the
+    ``rig`` that came again may be answered again.
     """
     order = np.argsort(table["cycle"].astype(np.int64), kind="stable")
     cycle = table["cycle"].astype(np.int64)[order]
     step = np.diff(cycle)
     again = cycle[1:][step == 0]
-    if table.msgtype == "CatenaryState":
+    if table.msgtype in EVERY_CYCLE:
         later = np.diff(table.log_time[order])[step == 0] * 1e-9
-        again = again[(again != cycle[0]) & (again != cycle[-1]) & (later < REPEATED)]
+        edges = table.msgtype == "CatenaryState"  # its first state it says to each listener that comes
+        if table.msgtype == "ImpedanceCommand" and rig is not None:
+            asked, count = np.unique(rig["cycle"].astype(np.int64), return_counts=True)
+            later = np.where(np.isin(again, asked[count > 1]), REPEATED, later)
+        again = again[(later < REPEATED) & ~(edges & ((again == cycle[0]) | (again == cycle[-1])))]
     if table.msgtype in EVERY_CYCLE:
         wanted = cycles + EVERY_CYCLE[table.msgtype]
         missing = wanted - len(np.unique(cycle[(cycle >= 0) & (cycle < wanted)]))

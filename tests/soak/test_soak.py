@@ -164,6 +164,8 @@ def test_repeated_edges_of_the_catenary_are_no_doubles():
     assert stream(table("/c", "RigState", [0, 0, 1, 2]), 3).doubles == 1
     late = Table("/c", "CatenaryState", np.array([0, 2, 340, 342]) * 10**6, {"cycle": np.array([0, 1, 1, 2])})
     assert stream(late, 2).doubles == 0  # nobody had answered for a third of a second
+    answers = table("/c", "ImpedanceCommand", [0, 1, 1, 2])
+    assert stream(answers, 3).doubles == 1 and stream(answers, 3, late).doubles == 0  # to a state that came again
 
 
 # Options and the whole ---------------------------------------------------------------------------------------------
