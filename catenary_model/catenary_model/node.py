@@ -41,6 +41,7 @@ class CatenaryNode(PhilNode[Parameters]):
         self.sequence = Sequence(p.max_bridged_cycles)
         self._bridged = 0
         self._ts_ns = round(p.cycle_time * 1e9)
+        self._overdue = 1.5 * p.cycle_time
         self._shape_every = p.wire_shape_every
         self._state_publisher = self.send_cycles(CatenaryState, "~/state", CYCLE_KEPT, peers=1)
         self._shape_publisher = self.publish_on(WireShape, "~/wire_shape", VIEW)
@@ -112,7 +113,10 @@ class CatenaryNode(PhilNode[Parameters]):
         if verdict is not Verdict.TAKEN:
             if verdict is Verdict.STALE:
                 timing.stale += 1
-            elif verdict is not Verdict.REPEATED:
+            elif verdict is Verdict.REPEATED:
+                if monotonic() - self._sent_at > self._overdue:
+                    self._send_state()  # whoever sends it again so much later has not had the answer
+            else:
                 timing.refused += 1
                 timing.refuse(f"command {cycle} was refused: {sequence.objection(cycle, force)}")
             return

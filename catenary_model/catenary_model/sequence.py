@@ -5,6 +5,9 @@ from __future__ import annotations
 import enum
 import math
 
+LARGEST_FORCE = 1e6
+"""N, no contact force: the wire would not come back from where it throws it."""
+
 
 class Verdict(enum.Enum):
     """Fate of a command."""
@@ -13,10 +16,12 @@ class Verdict(enum.Enum):
     """Step with its force, after as many steps with the last force as `Sequence.missing` says."""
     REPEATED = "repeated"
     """The last command once more: ignored."""
+    CONTRADICTED = "contradicted"
+    """The last command once more, with another force: somebody else sends commands, too. Ignored, counted."""
     STALE = "stale"
     """A cycle that is over: ignored, counted."""
     REFUSED = "refused"
-    """Force is not a finite number, or a stray that is too far ahead: ignored, counted."""
+    """Force is not a finite number or out of all proportion, or a stray that is too far ahead: ignored, counted."""
     BROKEN = "broken"
     """The commands have gone on behind a gap that is too long to bridge, now or before: ignored until `reset`."""
 
@@ -43,8 +48,12 @@ class Sequence:
         """Judge a command; on TAKEN, `missing` is the number of cycles to bridge first, with `last_force`."""
         ahead, self._ahead = self._ahead, None
         if cycle < self.expected:
-            return Verdict.REPEATED if cycle == self.expected - 1 else Verdict.STALE
-        if not math.isfinite(force):
+            if cycle < self.expected - 1:
+                return Verdict.STALE
+            # Two forces that are no numbers are not told apart: that one was refused, too.
+            differs = abs(force) <= LARGEST_FORCE and force != self.last_force
+            return Verdict.CONTRADICTED if differs else Verdict.REPEATED
+        if not abs(force) <= LARGEST_FORCE:
             return Verdict.REFUSED
         if self.broken:
             return Verdict.BROKEN
@@ -67,6 +76,10 @@ class Sequence:
             return self.broken
         if not math.isfinite(force):
             return "f_cat is not finite"
+        if abs(force) > LARGEST_FORCE:
+            return f"f_cat = {force:.4g} N is out of all proportion, at most {LARGEST_FORCE:g} N"
+        if cycle == self.expected - 1:
+            return "it came before with another f_cat: does a second publisher send commands?"
         return f"it is more than {self.longest} cycles ahead of cycle {self.expected}, which has not come"
 
     def taken(self, cycle: int, force: float) -> None:

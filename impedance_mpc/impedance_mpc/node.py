@@ -20,7 +20,7 @@ from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
-from phil_node.guard import finite, finite_array, objection
+from phil_node.guard import finite, finite_array, objection, plausible
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED
 from phil_node.signals import asked_to_end
 
@@ -164,7 +164,8 @@ class ImpedanceNode(PhilNode[Parameters]):
 
     def _take_rig(self, state: RigState) -> None:
         self.timing.begin()
-        if not finite(state.w_tr, state.v_tr, state.f_tr, state.reference, state.work, state.impulse):
+        usable = plausible(state.w_tr, state.v_tr, state.f_tr, state.reference) and finite(state.work, state.impulse)
+        if not usable:
             self._refuse("rig", state, RIG_NUMBERS)
             return
         arrival = self.pairs.add_rig(state.cycle, state)
@@ -172,16 +173,23 @@ class ImpedanceNode(PhilNode[Parameters]):
             self._object("rig", state.cycle, arrival)
         if arrival is Arrival.NEW:
             self._answer_all()
+            if self.pairs.held_up:
+                # The rig ticks on without us: the catenary, or its answer, did not come. Ask again.
+                self.commands.publish(self.answer_writer)
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
         elif arrival is Arrival.REPEATED and self.answer.cycle == state.cycle:
-            self.commands.publish(self.answer_writer)
+            if state.f_tr != self.answer.f_tr:
+                self._contradict(state.cycle)
+            else:
+                self.commands.publish(self.answer_writer)
 
     def _take_catenary(self, state: CatenaryState) -> None:
         self.timing.begin()
         q, qd, qdd, held = self.segment
         usable = (
-            finite(state.w_cat, state.v_cat, state.f_cat, state.work, state.impulse)
+            plausible(state.w_cat, state.v_cat, state.f_cat)
+            and finite(state.work, state.impulse)
             and finite_array(state.segment_displacement, q)
             and finite_array(state.segment_velocity, qd)
             and finite_array(state.segment_acceleration, qdd)
@@ -204,6 +212,13 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.timing.refused = self.unusable + self.pairs.refused
         why = objection(state, names, len(self.segment[0]))
         self.timing.refuse(f"state {state.cycle} of the {sender} was refused: {why}")
+
+    def _contradict(self, cycle: int) -> None:
+        """Count a state for a cycle that has had another one: the first was answered, and stays."""
+        self.unusable += 1
+        self.timing.refused = self.unusable + self.pairs.refused
+        said = "it came before with other numbers: does a second publisher send states?"
+        self.timing.refuse(f"state {cycle} of the rig was refused: {said}")
 
     def _object(self, sender: str, cycle: int, arrival: Arrival) -> None:
         """Say why a state, or one that was kept aside before it, is not used."""

@@ -26,23 +26,27 @@ class Arrival(Enum):
 
 
 class Stream(Generic[S]):
-    """States of one sender, in order; ``refused`` counts strays, ``front`` is the cycle after the newest one taken.
+    """States of one sender, in order; ``front`` is the cycle after the newest one taken.
+
+    ``refused`` counts strays, ``swapped`` states that came before the one that they follow.
 
     A sender sends its cycles without a gap. A state that is ahead of the next one is a stray, unless the very next
-    message is its successor: then the stream has gone on there and what lies between is lost. Should a nearer one come
+    message is its successor: then the stream has gone on there and what lies between is lost. If what lies between is
+    one state that comes first of all, the two were swapped and none is lost. Should a nearer one come
     all the same, before anybody has used the farther ones, these were strays or are from before a reset.
     """
 
     def __init__(self) -> None:
         self.states: dict[int, S] = {}
         self.refused = 0
+        self.swapped = 0
         self.front = 0
         self._ahead: tuple[int, S] | None = None
 
     def clear(self) -> None:
         """Expect cycle 0."""
         self.states.clear()
-        self.refused = self.front = 0
+        self.refused = self.swapped = self.front = 0
         self._ahead = None
 
     def add(self, cycle: int, state: S, expected: int) -> Arrival:
@@ -54,7 +58,11 @@ class Stream(Generic[S]):
         front = max(self.front, expected)
         follows = ahead is not None and front < cycle == ahead[0] + 1
         if ahead is not None and follows:
+            self.swapped += ahead[0] == front
             self.states[ahead[0]] = ahead[1]
+        elif ahead is not None and cycle == front == ahead[0] - 1:
+            # Perhaps these two were swapped: then the next one is the successor of the one that is kept aside.
+            self._ahead = ahead
         elif ahead is not None:
             self.refused += 1
         if cycle < expected:
@@ -89,8 +97,19 @@ class CyclePairs(Generic[R, C]):
     def __init__(self) -> None:
         self.next = 0
         self.missing = 0
+        self._waited = 0  # states of the rig since one could be answered
         self._rig: Stream[R] = Stream()
         self._catenary: Stream[C] = Stream()
+
+    @property
+    def swapped(self) -> int:
+        """States that came before the one that they follow, and were taken behind it."""
+        return self._rig.swapped + self._catenary.swapped
+
+    @property
+    def held_up(self) -> bool:
+        """Tell whether to ask again: the rig has gone on by 2, 4, 8, ... states since anything could be answered."""
+        return self._waited > 1 and not self._waited & (self._waited - 1)
 
     @property
     def refused(self) -> int:
@@ -109,13 +128,15 @@ class CyclePairs(Generic[R, C]):
 
     def clear(self) -> None:
         """Wait for cycle 0 again."""
-        self.next = self.missing = 0
+        self.next = self.missing = self._waited = 0
         self._rig.clear()
         self._catenary.clear()
 
     def add_rig(self, cycle: int, state: R) -> Arrival:
         """Take the rig's state of ``cycle``; REPEATED is the one that was answered last (its command got lost)."""
-        return self._rig.add(cycle, state, self.next)
+        arrival = self._rig.add(cycle, state, self.next)
+        self._waited += arrival is Arrival.NEW
+        return arrival
 
     def add_catenary(self, cycle: int, state: C) -> Arrival:
         """Take the catenary's state of ``cycle``; a repetition of the last or of a waiting one changes nothing."""
@@ -135,6 +156,7 @@ class CyclePairs(Generic[R, C]):
             # Without a partner the catenary has gone on behind this cycle, which is lost.
             self.missing += cycle - self.next + (partner is None)
             self.next = cycle + 1
+            self._waited = 0
             if partner is not None:
                 catenary = wires[partner]
                 self._catenary.drop_until(cycle)

@@ -9,6 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+LARGEST = 1e6
+"""m, m/s or N: beyond it nothing can have been measured, and a solver that is fed with it may not recover."""
+
+
+def plausible(*values: float) -> bool:
+    """Tell whether all lengths, speeds and forces are finite and within `LARGEST`, of either sign."""
+    return all(-LARGEST <= value <= LARGEST for value in values)
+
 
 def finite(*values: float) -> bool:
     """Tell whether all values are finite numbers."""

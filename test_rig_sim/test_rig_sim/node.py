@@ -3,6 +3,7 @@
 import phil_node.before_rclpy  # noqa: F401  # isort: skip
 
 import time
+from math import isfinite
 
 from geometry_msgs.msg import WrenchStamped
 from phil_interfaces.msg import ImpedanceCommand, RigState
@@ -105,11 +106,11 @@ class RigNode(PhilNode[Parameters]):
         self._cycle = 0
         self._phase = WAITING
         self._command: tuple[float, float] | None = None
-        self._answered = False
+        self._answered = self._old_plan = False
         self._shown_mode = Mode.HOLD
         self._resting = False
         self._late_ticks = 0
-        self._newest = -1
+        self._newest, self._first = -1, 0.0  # newest cycle that was commanded, and to where, in m
         self._published_at = [0.0] * MEMORY
         self._stamped = 0  # ns, wall time of the newest state in real time
         self._asked_at = 0.0
@@ -125,10 +126,13 @@ class RigNode(PhilNode[Parameters]):
             self.timing.stale += 1
             return
         if cycle <= self._newest:
-            # The newest one comes twice when the state was published twice.
-            self.timing.stale += cycle < self._newest
+            # The newest one comes twice when the state was published twice; never with other numbers.
+            if cycle < self._newest:
+                self.timing.stale += 1
+            elif message.u_tr != self._first and isfinite(message.u_tr) and isfinite(self._first):
+                self._supervisor.contradict(cycle, message.u_tr, self._first)
             return
-        self._newest = cycle
+        self._newest, self._first = cycle, message.u_tr
         turnaround = time.monotonic() - self._published_at[cycle % MEMORY]
         self.timing.add(turnaround, message.header, cycle)
         admissible = self._supervisor.admissible(message.u_tr, message.u_tr_next)
@@ -144,6 +148,7 @@ class RigNode(PhilNode[Parameters]):
         # A refused command leaves the cycle without one; the supervisor bridges it like a late one.
         self._answered = True
         self._command = (message.u_tr, message.u_tr_next) if admissible else None
+        self._old_plan = message.status == ImpedanceCommand.FALLBACK
         if self._message.last:
             self._end()
         elif self._phase == ASKING and self.parameters.mode == "realtime":
@@ -155,7 +160,7 @@ class RigNode(PhilNode[Parameters]):
         """Move from t_k to t_(k+1) with command k, or without one if it has not come, and publish state k + 1."""
         supervisor = self._supervisor
         if self._command is not None:
-            ramp: Ramp = supervisor.follow(*self._command)
+            ramp: Ramp = supervisor.follow(*self._command, self._old_plan)
         else:
             if not self._answered and supervisor.needs_commands:
                 self.timing.late += 1

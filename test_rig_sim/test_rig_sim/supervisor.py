@@ -16,6 +16,8 @@ Following stands for TRACKING, BRIDGING and HOLDING; free for following, HOLD, P
 | following                  | bridge: first, or with new prediction | BRIDGING    | to the newest prediction         |
 | following                  | bridge: any other                     | HOLDING     | stays                            |
 | following, HOLD, APPROACHING | late_limit bridges in a row         | RETRACTING  |                                  |
+| following                  | late_limit commands of old plans in a row | RETRACTING |                              |
+| free, impedance selected   | two commands for one cycle that differ | RETRACTING |                                 |
 | free                       | hold selected                         | HOLD        | brakes, stays                    |
 | free                       | position selected                     | POSITION    | to the trajectory's start, on it |
 | POSITION                   | impedance selected, trajectory over   | HOLD        | brakes, stays                    |
@@ -99,6 +101,7 @@ class Supervisor:
         self.limited = 0
         self.landed = False
         self._refused_in_a_row = 0
+        self._planned_in_a_row = 0
         self._objections: dict[str, tuple[str, int]] = {}
         self._reference = reference
         self._speed = 0.0
@@ -143,7 +146,7 @@ class Supervisor:
                 self._sample = -1
         elif operation == "hold" or self.mode is Mode.POSITION:
             self._go_own_way(Mode.HOLD)
-        self.unusable_in_a_row = self._refused_in_a_row = 0
+        self.unusable_in_a_row = self._refused_in_a_row = self._planned_in_a_row = 0
 
     def land(self) -> bool:
         """Begin the soft landing; False if the rig already retracts or rests."""
@@ -197,9 +200,26 @@ class Supervisor:
         self._objections[kind] = (said, count + 1)
         return text
 
-    def follow(self, u_tr: float, u_tr_next: float) -> Ramp:
-        """Return the reference of a cycle whose command (m) came in time."""
+    def contradict(self, cycle: int, u_tr: float, first: float) -> None:
+        """Take a second command (m) for a cycle that has had another one: nobody can tell whose is to be followed."""
+        if self.needs_commands:
+            self.retract(
+                f"two commands for cycle {cycle} differ: {first * 1e3:.4g} mm and {u_tr * 1e3:.4g} mm; "
+                "does a second publisher send commands?"
+            )
+
+    def follow(self, u_tr: float, u_tr_next: float, old_plan: bool = False) -> Ramp:
+        """Return the reference of a cycle whose command (m) came in time.
+
+        One of an ``old_plan`` (the controller's solver failed) is as good as a prediction: for `late_limit` cycles.
+        """
         if not self.needs_commands:
+            return self._go_on()
+        self._planned_in_a_row = self._planned_in_a_row + 1 if old_plan else 0
+        if self._planned_in_a_row >= self._rules.late_limit:
+            self.retract(
+                f"{self._planned_in_a_row} successive commands are from an old plan: the controller's solver fails"
+            )
             return self._go_on()
         self.unusable_in_a_row = self._refused_in_a_row = 0
         if self._objections:

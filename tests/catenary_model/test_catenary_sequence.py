@@ -23,7 +23,8 @@ def test_in_order() -> None:
 
 def test_the_last_command_may_come_again_and_older_ones_are_stale() -> None:
     sequence = after(0, 1, 2)
-    assert sequence.judge(2, 1.0) is Verdict.REPEATED
+    assert sequence.judge(2, 2.0) is Verdict.REPEATED
+    assert sequence.judge(2, math.nan) is Verdict.REPEATED
     assert sequence.judge(1, 1.0) is Verdict.STALE
     # the number decides before the content does
     assert sequence.judge(0, math.nan) is Verdict.STALE
@@ -32,7 +33,7 @@ def test_the_last_command_may_come_again_and_older_ones_are_stale() -> None:
 
 def test_nonsense_is_refused_and_the_cycle_stays_open() -> None:
     sequence = after(0)
-    for force in (math.nan, math.inf, -math.inf):
+    for force in (math.nan, math.inf, -math.inf, 1e15, -1e15):
         assert sequence.judge(1, force) is Verdict.REFUSED
     assert sequence.judge(1, 100.0) is Verdict.TAKEN
 
@@ -40,10 +41,19 @@ def test_nonsense_is_refused_and_the_cycle_stays_open() -> None:
 def test_what_is_refused_has_a_reason() -> None:
     sequence = after(0, 1, longest=3)
     assert sequence.objection(2, math.nan) == "f_cat is not finite"
+    assert sequence.objection(2, 1e15) == "f_cat = 1e+15 N is out of all proportion, at most 1e+06 N"
     sequence.judge(6, 7.0)
     assert sequence.objection(6, 7.0) == "it is more than 3 cycles ahead of cycle 2, which has not come"
     sequence.judge(7, 7.0)
     assert sequence.objection(7, 7.0) == sequence.broken
+
+
+def test_two_forces_for_one_cycle_are_told_of_and_the_first_stays() -> None:
+    sequence = after(0, 1, 2)
+    assert sequence.judge(2, 2.5) is Verdict.CONTRADICTED
+    assert "second publisher" in sequence.objection(2, 2.5)
+    assert (sequence.expected, sequence.last_force) == (3, 2.0)
+    assert sequence.judge(3, 3.0) is Verdict.TAKEN
 
 
 def test_gap_is_bridged_with_the_last_force() -> None:
@@ -68,7 +78,7 @@ def test_a_stray_that_is_too_far_ahead_does_not_break(stray: int) -> None:
     sequence = after(0, 1, longest=3)
     for _ in range(3):
         assert sequence.judge(stray, 7.0) is Verdict.REFUSED
-    assert sequence.judge(1, 7.0) is Verdict.REPEATED
+    assert sequence.judge(1, 1.0) is Verdict.REPEATED
     assert sequence.judge(stray + 1, 7.0) is Verdict.REFUSED  # the stream was elsewhere in between
     assert sequence.judge(2, 7.0) is Verdict.TAKEN
     assert (sequence.missing, sequence.broken) == (0, "")

@@ -115,6 +115,37 @@ def test_a_nearer_state_that_comes_all_the_same_is_not_blocked_by_farther_ones()
     assert (pairs.missing, pairs.refused) == (0, 3)
 
 
+@pytest.mark.parametrize("side", ["rig", "catenary"])
+@pytest.mark.parametrize("at", [0, 1, 30])
+def test_two_states_that_were_swapped_are_both_taken_and_counted(side, at):
+    order = list(range(60))
+    order[at], order[at + 1] = order[at + 1], order[at]
+    pairs, found = CyclePairs(), []
+    for k, swapped in enumerate(order):
+        pairs.add_rig(swapped if side == "rig" else k, "r")
+        pairs.add_catenary(swapped if side == "catenary" else k, "c")
+        found += drain(pairs)
+    assert found == [(k, "r", "c") for k in range(60)]
+    assert (pairs.missing, pairs.refused, pairs.swapped) == (0, 0, 1)
+
+
+def test_the_catenary_is_asked_again_for_a_state_that_does_not_come():
+    pairs, asked = CyclePairs(), []
+    pairs.add_catenary(0, "c")
+    for k in range(40):
+        pairs.add_rig(k, "r")
+        drain(pairs)
+        asked += [k] if pairs.held_up else []
+    # Cycle 0 had its partner; 1 waits when 2 comes.
+    assert asked == [2, 4, 8, 16, 32]
+    pairs.add_catenary(1, "c")
+    assert drain(pairs) == [(1, "r", "c")]
+    pairs.add_rig(40, "r")
+    assert not pairs.held_up
+    pairs.add_rig(41, "r")
+    assert pairs.held_up  # the next one does not come either, whatever waits behind it
+
+
 def test_silent_partner_does_not_fill_the_memory():
     pairs = CyclePairs()
     for k in range(LONGEST + 100):

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("phil_interfaces", reason="the interfaces are not built, or not sourced")
 pytest.importorskip("rclpy")
 
+from phil_interfaces.msg import ImpedanceCommand
 from rig_ride import CYCLES, after, rides_of_a_node, sine  # noqa: F401
 from std_srvs.srv import Trigger
 
@@ -108,6 +109,42 @@ def test_lockstep_ride_of_refused_commands_retracts_and_says_so(ride: Any) -> No
     wanted = "stopped: 10 successive cycles without a usable command (0 late, 10 refused: "
     wanted += "the command asks for a position of 5000 mm, at most 350 mm trips, 10 times)"
     assert found.rig.diagnose().message == wanted
+
+
+@pytest.mark.parametrize(("shift", "ends"), [(0.0, Mode.TRACKING), (0.001, Mode.RETRACTING)], ids=["equal", "other"])
+def test_a_second_command_for_a_cycle_retracts_only_if_it_differs(ride: Any, shift: float, ends: Mode) -> None:
+    found = ride(sine, duration=0.0)
+    send = found.send
+
+    def send_twice(k: int, header: Any) -> None:
+        send(k, header)
+        if k == 20:
+            found.answer = lambda k: (sine(k)[0] + shift, sine(k)[1] + shift)
+            send(k, header)
+            found.answer = sine
+
+    found.send = send_twice
+    found.run(until=lambda: len(found.states) >= 40)
+    assert found.states[-1][1] == ends
+    assert found.rig.timing.stale == found.rig.timing.refused == 0
+    if ends is Mode.RETRACTING:
+        assert "two commands for cycle 20 differ" in found.rig.diagnose().message
+
+
+def test_commands_of_an_old_plan_are_followed_until_the_solver_has_failed_for_too_long(ride: Any) -> None:
+    found = ride(sine, duration=10.0, late_limit=10)
+
+    def send(k: int, header: Any) -> None:
+        u, status = sine(k), ImpedanceCommand.FALLBACK if k >= 20 else ImpedanceCommand.SOLVED
+        found.commands.publish(ImpedanceCommand(header=header, cycle=k, u_tr=u[0], u_tr_next=u[1], status=status))
+
+    found.send = send
+    found.run()
+    modes = [s[1] for s in found.states]
+    assert modes.index(Mode.RETRACTING) == 30 and set(modes[1:30]) == {Mode.TRACKING}
+    assert found.rig.diagnose().message.endswith(
+        "10 successive commands are from an old plan: the controller's solver fails"
+    )
 
 
 @pytest.mark.parametrize("speaking", [True, False], ids=["commands go on", "nobody answers"])

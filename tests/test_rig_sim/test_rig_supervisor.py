@@ -78,6 +78,30 @@ def test_a_retract_says_why_commands_were_refused() -> None:
     assert rig.reason.endswith("the command is not a finite number, 1 times)")
 
 
+def test_commands_of_an_old_plan_are_followed_as_long_as_late_ones_are_bridged() -> None:
+    rig = fresh(reference=0.01, entry_cycles=0)
+    for _ in range(4):
+        assert rig.follow(0.01, 0.012, old_plan=True) == Ramp(0.01, 0.012)
+    rig.follow(0.01, 0.012)
+    for _ in range(4):
+        rig.follow(0.01, 0.012, old_plan=True)
+    assert rig.mode is Mode.TRACKING
+    rig.follow(0.01, 0.012, old_plan=True)
+    assert rig.mode is Mode.RETRACTING
+    assert rig.reason == "5 successive commands are from an old plan: the controller's solver fails"
+
+
+def test_two_commands_for_one_cycle_that_differ_retract_a_drive_that_follows_them() -> None:
+    rig = fresh(reference=0.01, entry_cycles=0)
+    rig.follow(0.01, 0.012)
+    rig.contradict(7, 0.03, 0.01)
+    assert rig.mode is Mode.RETRACTING
+    assert rig.reason.startswith("two commands for cycle 7 differ: 10 mm and 30 mm; does a second publisher")
+    own = fresh("hold")
+    own.contradict(7, 0.03, 0.01)
+    assert own.mode is Mode.HOLD  # nobody's command is followed
+
+
 def test_prediction_of_a_late_command_is_the_goal_of_the_next_bridge() -> None:
     rig = fresh(reference=0.01, entry_cycles=0)
     rig.follow(0.01, 0.012)
