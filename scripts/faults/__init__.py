@@ -1,0 +1,1 @@
+"""Faults done to a running ride, and what becomes of it: ``scripts/faults.sh``."""
