@@ -146,7 +146,7 @@ def _others() -> list[Fault]:
             6.0,
             says=(("impedance_mpc", "a second publisher|sender|refused|strays|cannot be used"),),
         ),
-        Fault("second-ride", "a second ride on the same domain", actions.second_ride, within=30.0, short=True),
+        Fault("second-ride", "a second ride on the same domain", actions.second_ride, within=30.0),
         Fault(
             "viewer-slow",
             "a viewer that takes 20 ms for each message",
