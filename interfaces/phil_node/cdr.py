@@ -1,8 +1,8 @@
 """Messages of the cycle as bytes: what rclpy reads and writes, at fixed offsets, without its message objects.
 
-A message of the cycle has numbers, a header whose frame never changes, and at its end arrays whose lengths never change:
-in CDR, the encoding of DDS, each of its fields then stands at one place. One `struct` call reads or writes all numbers.
-What does not fit such a plan (another frame, another length) is left to rclpy.
+A message of the cycle has numbers, a header whose frame never changes, and at its end arrays whose lengths never
+change: in CDR, the encoding of DDS, each of its fields then stands at one place. One `struct` call reads or writes all
+numbers. What does not fit such a plan (another frame, another length) is left to rclpy.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Plan:
         frame_id: of the header.
         sizes: field to number of entries, of each array.
 
-    Raises
+    Raises:
     ------
     ValueError
         The message has a field that has no fixed place: a text, another message, a number behind an array.

@@ -10,6 +10,8 @@ from contextlib import suppress
 from time import monotonic
 from typing import Any
 
+from phil_node.real_time import set_thread
+
 IDLE = 0.25
 """Time in s from one look for peers that have come to the next."""
 
@@ -104,6 +106,7 @@ class CycleThread:
 
     def _run(self) -> None:
         try:
+            set_thread("cycle")
             while self._running:
                 self._turn()
         except BaseException as error:

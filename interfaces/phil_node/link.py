@@ -1,9 +1,9 @@
 """The short way of the cycle's messages: from node to node of one machine by a Unix socket, beside their topic.
 
-A message of the cycle is sent to the peers that are linked before it is published, as the same bytes. So the loop needs
-neither discovery nor the locks, threads and queues of DDS, and viewers of its topics cost it nothing. The kernel wakes the
-receiver, tells of a dead peer at once, and leaves nothing behind when a process is killed. Whoever is not linked (another
-machine, another program, a relay in between) speaks and listens on the topics alone, as ever.
+A message of the cycle is sent to the peers that are linked before it is published, as the same bytes. So the loop
+needs neither discovery nor the locks, threads and queues of DDS, and viewers of its topics cost it nothing. The kernel
+wakes the receiver, tells of a dead peer at once, and leaves nothing behind when a process is killed. Whoever is not
+linked (another machine, another program, a relay in between) speaks and listens on the topics alone, as ever.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Publishing beside the cycle: what a node sends is handed to a thread that may wait for DDS while the cycle does not."""
+"""Publishing beside the cycle: what a node sends goes to a thread that may wait for DDS while the cycle does not."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import ctypes
 import threading
 from collections import deque
 from time import sleep
-from typing import Any
+
+from phil_node.real_time import set_thread
 
 EVERY = 0.004
 """Time in s from one batch to the next: what nobody in the loop waits for costs a fraction if it goes in batches."""
@@ -34,8 +35,8 @@ _RESET_ERROR.restype = None
 def publish_bytes(publisher: int, data: bytes) -> bool:
     """Publish a message in CDR by the address of an rcl publisher; tell whether rcl took it.
 
-    rclpy does the same, but keeps the interpreter's lock meanwhile: a write that waits for a lock of DDS would stop every
-    thread of the node. A foreign function called by ctypes gives it up.
+    rclpy does the same, but keeps the interpreter's lock meanwhile: a write that waits for a lock of DDS would stop
+    every thread of the node. A foreign function called by ctypes gives it up.
     """
     message = _Serialized(data, len(data), len(data))
     if _PUBLISH(publisher, ctypes.byref(message), None) == 0:
@@ -49,7 +50,7 @@ class Outbox:
 
     def __init__(self) -> None:
         self.failed = 0
-        self._waiting: deque[tuple[Any, bytes]] = deque()
+        self._waiting: deque[tuple[int, bytes]] = deque()
         self._turn = threading.Lock()
         self._thread: threading.Thread | None = None
         self._running = False
@@ -80,6 +81,7 @@ class Outbox:
                 self.failed += not publish_bytes(*waiting.popleft())
 
     def _run(self) -> None:
+        set_thread("publish")
         while self._running:
             sleep(EVERY)
             self.flush()

@@ -12,12 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
 from fuzz.entries import ENTRIES
 from fuzz.judge import Outcome, fault_of
 from fuzz.kinds import KINDS, Example
 from fuzz.mutations import DAMAGES, mutants
-from hypothesis import HealthCheck, Phase, given, settings
-from hypothesis import strategies as st
 
 CASES = {"yaml": 6, "line": 6, "pantograph": 12, "trajectory": 20, "limits": 25, "report-limits": 25}
 

@@ -1,4 +1,4 @@
-"""Bytes at fixed offsets: what rclpy writes, the plan reads, and the other way round, for every message of the cycle."""
+"""Bytes at fixed offsets: what rclpy writes, the plan reads, and the other way round, for messages of the cycle."""
 
 from __future__ import annotations
 
