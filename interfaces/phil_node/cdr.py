@@ -169,7 +169,7 @@ class Plan:
 
 
 class Writer:
-    """One message that is written each cycle: set the numbers of ``message``, fill its arrays in place, take `bytes`."""
+    """One message, written each cycle: set the numbers of ``message``, fill its arrays in place, take `bytes`."""
 
     def __init__(self, message: Any, buffer: bytearray, put: Callable[[Any, bytearray], None]) -> None:
         self.message, self._buffer, self._put = message, buffer, put
