@@ -18,7 +18,7 @@ from phil_node.surroundings import OF_TRANSPORTS, RANGE, addresses
 
 pytestmark = pytest.mark.integration
 
-UNIX_PREFIXES = ("@phil", "/run/phil", "phil")
+UNIX_PREFIXES = ("@phil-catenary/", "@phil")
 """How the names of Unix sockets between nodes of one ride may begin."""
 LOOPBACK = "127.0.0.1"
 VIEWER = """

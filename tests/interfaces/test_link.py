@@ -1,0 +1,168 @@
+"""The link between nodes of the loop: each message once, whichever way it comes; who may link; peers that go."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from itertools import count
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy")
+messages = pytest.importorskip("phil_interfaces.msg", reason="the interfaces are not built, or not sourced")
+
+from rclpy.serialization import serialize_message  # noqa: E402
+
+from phil_node.cycle_thread import CycleThread  # noqa: E402
+from phil_node.link import QUEUE, Inlet, Outlet, address  # noqa: E402
+from phil_node.paths import CycleReceiver  # noqa: E402
+
+NUMBERS = count()
+
+
+def name() -> str:
+    return address(os.getpid() % 1000, f"/test/{next(NUMBERS)}")
+
+
+def until(done: Callable[[], bool], seconds: float = 5.0) -> bool:
+    end = time.monotonic() + seconds
+    while not done() and time.monotonic() < end:
+        time.sleep(0.005)
+    return done()
+
+
+def state(cycle: int) -> bytes:
+    message = messages.RigState(cycle=cycle, f_tr=50.0 + cycle)
+    message.header.frame_id = "rig"
+    return bytes(serialize_message(message))
+
+
+class Receiving:
+    """A receiver in its thread, as a node has it."""
+
+    def __init__(self, name: str) -> None:
+        self.cycles: list[int] = []
+        self.errors: list[BaseException] = []
+        self.lock = threading.RLock()
+        self.thread = CycleThread(self.lock, self.errors.append, lambda: self.receiver.look())
+        self.receiver = CycleReceiver(
+            messages.RigState, Inlet(name), self.thread, lambda message: self.cycles.append(message.cycle)
+        )
+        self.thread.start()
+
+    def from_topic(self, data: bytes) -> None:
+        with self.lock:
+            self.receiver.from_topic(data)
+
+    def close(self) -> None:
+        self.thread.stop()
+        self.receiver.close()
+        assert not self.errors
+
+
+@pytest.fixture
+def linked() -> Iterator[tuple[Outlet, Receiving, str]]:
+    where = name()
+    outlet = Outlet(where)
+    receiving = Receiving(where)
+    assert until(lambda: receiving.receiver.linked)
+    outlet.accept()
+    assert len(outlet.peers) == 1
+    yield outlet, receiving, where
+    receiving.close()
+    outlet.close()
+
+
+def test_message_that_comes_both_ways_is_taken_once(linked: Any) -> None:
+    """By the link first, by the topic first, and by the topic alone where the link lost it."""
+    outlet, receiving, _ = linked
+    for cycle in range(3):
+        outlet.send(state(cycle))
+    assert until(lambda: receiving.cycles == [0, 1, 2])
+    for cycle in range(4):
+        receiving.from_topic(state(cycle))
+    assert receiving.cycles == [0, 1, 2, 3]
+    outlet.send(state(3))
+    outlet.send(state(4))
+    assert until(lambda: receiving.cycles[-1] == 4)
+    assert receiving.cycles == [0, 1, 2, 3, 4]
+
+
+def test_what_is_sent_again_is_taken_again_and_a_stranger_is_heard(linked: Any) -> None:
+    """A repeated state reaches the node twice, not four times; another one of its cycle is judged by the node."""
+    outlet, receiving, _ = linked
+    for _ in range(2):
+        outlet.send(state(7))
+    assert until(lambda: receiving.cycles == [7, 7])
+    receiving.from_topic(state(7))
+    stranger = messages.RigState(cycle=7, f_tr=-1.0)
+    receiving.from_topic(bytes(serialize_message(stranger)))
+    assert receiving.cycles == [7, 7, 7]
+
+
+def test_sender_that_goes_is_linked_again_when_it_comes_back(linked: Any) -> None:
+    """The name is free at once; the topic goes on meanwhile."""
+    outlet, receiving, where = linked
+    outlet.close()
+    assert until(lambda: not receiving.receiver.linked)
+    receiving.from_topic(state(1))
+    again = Outlet(where)
+    assert again.alone
+    assert until(lambda: receiving.receiver.linked)
+    again.accept()
+    again.send(state(2))
+    assert until(lambda: receiving.cycles == [1, 2])
+    again.close()
+
+
+def test_peer_that_does_not_read_costs_its_own_messages_and_no_time() -> None:
+    """Beyond the queue they are dropped and counted; a peer that is gone is forgotten."""
+    where = name()
+    outlet, stopped, reading = Outlet(where), Inlet(where), Inlet(where)
+    assert stopped.connect() and reading.connect()
+    outlet.accept()
+    data = bytes(2000)
+    sent = 4 * QUEUE // len(data)
+    read = 0
+    for _ in range(sent):
+        outlet.send(data)
+        read += reading.receive() == data
+    assert read == sent
+    assert 0 < outlet.dropped < sent
+    stopped.close()
+    outlet.send(data)
+    assert len(outlet.peers) == 1
+    reading.close()
+    outlet.close()
+
+
+def test_second_sender_of_a_topic_has_no_link() -> None:
+    """It does not take the peers away from the first."""
+    where = name()
+    first, second = Outlet(where), Outlet(where)
+    assert first.alone and not second.alone
+    second.close()
+    first.close()
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can start a process of another user")
+def test_process_of_another_user_is_not_linked() -> None:
+    """The kernel tells whose process is at the other end."""
+    where = name()
+    outlet = Outlet(where)
+    code = (
+        "import os, socket, sys; os.setuid(65534); s = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET);"
+        "s.connect(chr(0) + sys.argv[1]); print('in', flush=True); sys.exit(s.recv(9) != b'')"
+    )
+    child = subprocess.Popen([sys.executable, "-I", "-c", code, where[1:]], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None and child.stdout.readline() == "in\n"
+    outlet.accept()
+    assert not outlet.peers
+    assert child.wait(10) == 0
+    child.stdout.close()
+    outlet.close()
