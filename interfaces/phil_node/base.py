@@ -167,9 +167,9 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
     def send_cycles(self, kind: Any, name: str, qos: QoSProfile, peers: int) -> CycleSender:
         """Create a publisher of a message a cycle that ``peers`` nodes of the loop wait for; it links them as well."""
         publisher = self._lifecycle_publisher(kind, name, qos)
-        outlet = Outlet(address(self.context.get_domain_id(), str(publisher.topic_name)))
+        outlet = Outlet(address(self.context.get_domain_id(), str(publisher.topic_name)), peers)
         self._outlets.append(outlet)
-        return CycleSender(publisher, self._outbox, outlet, peers)
+        return CycleSender(publisher, self._outbox, outlet)
 
     def _lifecycle_publisher(self, kind: Any, name: str, qos: QoSProfile) -> Any:
         publisher = self.create_lifecycle_publisher(kind, name, qos)
@@ -370,6 +370,17 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self._outbox.stop()
         self._hand_over()
 
+    def destroy_node(self) -> None:
+        """Destroy the node, after its threads have ended."""
+        self.active = False
+        self._thread.stop()
+        self._outbox.stop()
+        for receiver in self._receivers:
+            receiver.close()
+        for outlet in self._outlets:
+            outlet.close()
+        super().destroy_node()
+
     def _look_for_peers(self) -> None:
         """Link who has come; in the cycle's thread."""
         for outlet in self._outlets:
@@ -479,6 +490,10 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         if self.count_services(f"{self.full_name}/reset") > 1:
             found.add(WARN, f"another node on this ROS domain is called {self.full_name}, too: end one of them")
         own = {"process": str(os.getpid()), **self.granted.figures}
+        if wanted := len(self._receivers) + sum(outlet.wanted for outlet in self._outlets):
+            linked = sum(receiver.linked for receiver in self._receivers)
+            own["links"] = f"{linked + sum(len(outlet.peers) for outlet in self._outlets)} of {wanted}"
+            own["messages by topic only"] = str(sum(outlet.dropped for outlet in self._outlets))
         if self._misses_clock():
             own["clock"] = "the system's: use_sim_time is set, but nothing came on /clock"
         counts = {"late": timing.late, "missing": timing.missing, "stale": timing.stale, "refused": timing.refused}

@@ -46,8 +46,10 @@ def _socket() -> socket.socket:
 class Outlet:
     """The sending end of a topic: lets peers in and sends to each; only one process can have it."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, wanted: int = 1) -> None:
+        """Take the name of a topic (`address`), on which ``wanted`` nodes of the loop listen."""
         self.held = _socket()
+        self.wanted = wanted
         self.dropped = 0
         self.peers: list[socket.socket] = []
         try:

@@ -6,6 +6,9 @@ import ctypes
 import threading
 from collections import deque
 from time import sleep
+from typing import Any
+
+from rclpy.exceptions import InvalidHandle
 
 from phil_node.real_time import set_thread
 
@@ -50,7 +53,7 @@ class Outbox:
 
     def __init__(self) -> None:
         self.failed = 0
-        self._waiting: deque[tuple[int, bytes]] = deque()
+        self._waiting: deque[tuple[Any, bytes]] = deque()
         self._turn = threading.Lock()
         self._thread: threading.Thread | None = None
         self._running = False
@@ -69,8 +72,8 @@ class Outbox:
             self._thread = None
         self.flush()
 
-    def post(self, publisher: int, data: bytes) -> None:
-        """Have a message (CDR) published by the rcl publisher at that address."""
+    def post(self, publisher: Any, data: bytes) -> None:
+        """Have a message (CDR) published by the publisher of that handle (rclpy's)."""
         self._waiting.append((publisher, data))
 
     def flush(self) -> None:
@@ -78,7 +81,12 @@ class Outbox:
         waiting = self._waiting
         with self._turn:
             while waiting:
-                self.failed += not publish_bytes(*waiting.popleft())
+                publisher, data = waiting.popleft()
+                try:
+                    with publisher:  # it cannot be destroyed meanwhile
+                        self.failed += not publish_bytes(publisher.pointer, data)
+                except InvalidHandle:
+                    self.failed += 1
 
     def _run(self) -> None:
         set_thread("publish")

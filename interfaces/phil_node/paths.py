@@ -22,8 +22,7 @@ class Sender:
 
     def __init__(self, publisher: Any, outbox: Outbox) -> None:
         self._publisher, self._outbox = publisher, outbox
-        with publisher.handle:
-            self._pointer = publisher.handle.pointer
+        self._handle = publisher.handle
         self.topic_name = str(publisher.topic_name)
 
     def get_subscription_count(self) -> int:
@@ -34,16 +33,16 @@ class Sender:
         """Publish unless the node is inactive."""
         if self._publisher.is_activated:
             data = message.bytes() if isinstance(message, Writer) else serialize_message(message)
-            self._outbox.post(self._pointer, data)
+            self._outbox.post(self._handle, data)
 
 
 class CycleSender(Sender):
     """Sends to the linked peers first, and publishes; at once while one of the loop's peers is not linked."""
 
-    def __init__(self, publisher: Any, outbox: Outbox, outlet: Outlet, peers: int) -> None:
-        """Publish for ``peers`` nodes that are part of the loop."""
+    def __init__(self, publisher: Any, outbox: Outbox, outlet: Outlet) -> None:
+        """Publish as ``publisher`` does, and send through ``outlet``."""
         super().__init__(publisher, outbox)
-        self.outlet, self._peers = outlet, peers
+        self.outlet = outlet
 
     def publish(self, message: Any) -> None:
         """Send and publish unless the node is inactive."""
@@ -52,8 +51,8 @@ class CycleSender(Sender):
         data = message.bytes() if isinstance(message, Writer) else serialize_message(message)
         outlet = self.outlet
         outlet.send(data)
-        self._outbox.post(self._pointer, data)
-        if len(outlet.peers) < self._peers:
+        self._outbox.post(self._handle, data)
+        if len(outlet.peers) < outlet.wanted:
             # A peer listens to the topic alone: it waits for this.
             self._outbox.flush()
 

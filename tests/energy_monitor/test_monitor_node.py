@@ -8,11 +8,13 @@ if find_spec("rclpy") is None or find_spec("phil_interfaces") is None:
     pytest.skip("ROS is not installed", allow_module_level=True)
 
 from phil_interfaces.msg import CatenaryState, ConservedQuantities, CycleTiming, ImpedanceCommand, RigState
+from rclpy.serialization import deserialize_message
 
 from energy_monitor.audit import Audit
 from energy_monitor.node import DEEP, MonitorNode
 from energy_monitor.parameters import Parameters
 from energy_monitor.record import DEPTH
+from phil_node.cdr import Plan
 from phil_node.parameters import build, defaults
 from phil_node.qos import CYCLE, CYCLE_KEPT
 from phil_node.timing import Timing
@@ -120,11 +122,11 @@ def test_the_controller_s_books_are_held_against_both_of_the_monitor():
 def test_both_books_are_published():
     node, sent = Wired(), []
     node._books_out = type("Sink", (), {"publish": staticmethod(sent.append)})
-    node._books_message = ConservedQuantities()
+    node._books_writer = Plan(ConservedQuantities, "rig").writer()
     for k in range(3):
         cycle(node, k)
     MonitorNode._publish_books(node, 2, RigState().header)
-    (message,) = sent
+    message = deserialize_message(sent[0].bytes(), ConservedQuantities)
     assert (message.cycle, message.work_tr, message.work_cat, message.delta_work) == (2, 1.5, 1.0, 0.5)
     assert (message.impulse_tr, message.impulse_cat) == (0.25, 0.5)
     assert message.delta_p == pytest.approx(2 * 0.002 * 1.0, rel=1e-12)

@@ -19,8 +19,12 @@ class Client:
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
+        # A ride in lockstep takes what processors there are, and this observer has to keep up with it.
+        ordinary = ["--ros-args", "-p", "real_time.scheduling:=ordinary"]
         self.processes = [
-            subprocess.Popen([sys.executable, "-m", f"{name}.node", *words], env=environment, start_new_session=True)
+            subprocess.Popen(
+                [sys.executable, "-m", f"{name}.node", *words, *ordinary], env=environment, start_new_session=True
+            )
             for name, words in nodes.items()
         ]
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO, domain_id=int(environment["ROS_DOMAIN_ID"]))

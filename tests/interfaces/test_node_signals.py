@@ -30,12 +30,13 @@ time.sleep(20)
 
 
 def start(code: str, *, nohup: bool = False) -> subprocess.Popen[str]:
-    def ignore() -> None:
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    def hang_up() -> None:
+        # Whoever runs the tests may have started them with nohup.
+        signal.signal(signal.SIGHUP, signal.SIG_IGN if nohup else signal.SIG_DFL)
 
     command = [sys.executable, "-c", code]
     pipe = subprocess.PIPE
-    made = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=ignore if nohup else None)
+    made = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=hang_up)
     assert made.stdout is not None and made.stdout.readline() == "up\n"
     return made
 

@@ -32,6 +32,7 @@ SENTENCES = {
 FIGURES = {
     "interfaces/phil_node/base.py": ("_diagnosis",),
     "interfaces/phil_node/timing.py": ("summary",),
+    "interfaces/phil_node/real_time.py": ("apply", "_give"),
     **{f"{name}/{name}/node.py": ("diagnose",) for name in ("catenary_model", "impedance_mpc", "test_rig_sim")},
     "energy_monitor/energy_monitor/node.py": ("diagnose",),
 }
@@ -101,6 +102,8 @@ def figures() -> set[str]:
                     keys = list(node.keys)
                 elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Subscript):
                     keys = [node.targets[0].slice]
+                elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "take":
+                    keys = [node.args[0]]
                 found |= {normal(text) for key in keys if key is not None and (text := template(key))}
     return found
 

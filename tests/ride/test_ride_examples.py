@@ -1,5 +1,6 @@
 """Every example of help, README and documentation is one that works: commands, files, names, YAML and Python."""
 
+import argparse
 import ast
 import importlib
 import importlib.util
@@ -12,6 +13,7 @@ import pytest
 import bench.__main__ as bench
 import doctor.__main__ as doctor
 import validate.__main__ as validate
+from bench.realtime.options import add_options, options_from
 from catenary_model import line_file
 from energy_monitor import record
 from energy_monitor.report import cli
@@ -112,6 +114,20 @@ def of(names, module):
     return check
 
 
+def measurement(arguments):
+    """Take a command of the benches; a list of their names, with or without a ride in real time, is one as well."""
+    if arguments[:1] != ["realtime"]:
+        of(bench.NAMES, bench)([word for word in arguments if word != "|"])
+        return
+    parser = argparse.ArgumentParser()
+    parser.add_argument("name")
+    parser.add_argument("--json")
+    parser.add_argument("--out")
+    parser.add_argument("--quick", action="store_true")
+    add_options(parser)
+    options_from(parser, parser.parse_args(arguments))
+
+
 def examination(arguments):
     """Take the synopsis "[--seconds 10] [--domain N] ..." as if everything in it was given, N for a number."""
     words = [{"N": "7"}.get(word.strip("[]"), word.strip("[]")) for word in arguments]
@@ -121,7 +137,7 @@ def examination(arguments):
 SCRIPT = {
     "scripts/run.sh": ride,
     "scripts/validate.sh": of(validate.NAMES, validate),
-    "scripts/bench.sh": of(bench.NAMES, bench),
+    "scripts/bench.sh": measurement,
     "scripts/doctor.sh": examination,
     "scripts/record.sh": lambda arguments: record.arguments(arguments) if arguments else None,
     "scripts/analyze.sh": lambda arguments: cli.arguments(arguments) if arguments else None,
@@ -131,23 +147,28 @@ SCRIPT = {
 def of_ros(words):
     verb, rest = tuple(words[:2]), words[2:]
     if not rest:  # a command is mentioned
-        assert verb in (("param", "set"), ("param", "load"), ("run",))
+        mentioned = {"param": ("set", "load", "dump"), "topic": ("echo", "list", "hz"), "lifecycle": ("get", "set")}
+        assert verb == ("run",) or verb[1] in mentioned[verb[0]]
     elif verb in (("param", "set"), ("param", "describe"), ("param", "get")):
         node = rest[0].removeprefix("/")
         if len(rest) > 1:
             assert rest[1] in PARAMETERS[node]
         if len(rest) > 2:
             resolve(None, {node: {rest[1]: parse_yaml(rest[2])}})
+    elif verb[0] == "run":
+        assert verb[1] in NODES and rest == [verb[1]]
     elif verb[0] == "lifecycle":
-        assert rest[0].removeprefix("/") in NODES
+        assert rest[0].removeprefix("/") in (*NODES, "NODE")
     elif verb[0] == "topic":
         assert rest[0].removeprefix("/") in [name.removeprefix("/") for name in RECORDED]
     elif verb == ("service", "call"):
         package, kind, name = rest[1].split("/")
         assert kind == "srv"
         assert hasattr(importlib.import_module(f"{package}.srv"), name)
-        offered = re.findall(r"serve\((\w+), \"([^\"]+)\"", "\n".join(path.read_text() for path in SOURCES))
-        assert (name, rest[0].removeprefix("/")) in offered
+        sources = [*SOURCES, *(ROOT / "interfaces" / "phil_node").glob("*.py")]
+        texts = "\n".join(path.read_text() for path in sources)
+        offered = re.findall(r"(?:serve|create_service)\((\w+), \"([^\"]+)\"", texts)
+        assert (name, rest[0].removeprefix("/").replace("NODE/", "~/")) in offered
     else:
         raise AssertionError(f"ros2 {' '.join(words)}: nothing is known of it")
 

@@ -47,7 +47,11 @@ def test_every_service_is_listed() -> None:
 
 
 def test_every_topic_that_a_moving_node_listens_to_is_listed() -> None:
-    heard = {name for node in MOVING for name in re.findall(r"listen\(\s*\w+, \"([^\"]+)\"", sources(node))}
+    heard = {
+        name
+        for node in MOVING
+        for name in re.findall(r"(?:listen|receive_cycles)\(\s*\w+, \"([^\"]+)\"", sources(node))
+    }
     heard |= set(re.findall(r"create_subscription\(\s*\w+, \"([^\"]+)\"", "\n".join(map(sources, MOVING))))
     assert len(heard) >= 3
     for name in heard:
