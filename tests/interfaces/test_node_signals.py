@@ -30,13 +30,14 @@ time.sleep(20)
 
 
 def start(code: str, *, nohup: bool = False) -> subprocess.Popen[str]:
-    def hang_up() -> None:
-        # Whoever runs the tests may have started them with nohup.
+    def as_from_a_terminal() -> None:
+        # Whoever runs the tests may have started them with nohup, or in the background of a script.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGHUP, signal.SIG_IGN if nohup else signal.SIG_DFL)
 
     command = [sys.executable, "-c", code]
     pipe = subprocess.PIPE
-    made = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=hang_up)
+    made = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=as_from_a_terminal)
     assert made.stdout is not None and made.stdout.readline() == "up\n"
     return made
 

@@ -1,6 +1,7 @@
 """The soak: its judgement of known samples and records, its options, what it sees of a process, and one short ride."""
 
 import json
+import mmap
 import os
 import subprocess
 import sys
@@ -82,7 +83,8 @@ def test_slope_and_growth_of_a_straight_line(slope, level, seconds):
 def test_a_look_at_this_process_and_at_none(tmp_path):
     held = [(tmp_path / f"{i}").open("w") for i in range(5)]
     before = look(os.getpid())
-    block = np.ones(8 << 20, np.uint8)
+    block = np.frombuffer(mmap.mmap(-1, 8 << 20, mmap.MAP_PRIVATE), np.uint8)  # the heap may have that much to spare
+    block[:] = 1
     after = look(os.getpid())
     assert 7500 < after.anonymous - before.anonymous < 12_000 and len(block)
     assert after.resident == after.anonymous + after.file + after.shared and after.files > len(held)
@@ -183,11 +185,23 @@ def test_wrong_options_are_one_line(arguments, capsys):
 
 
 @pytest.mark.integration
-def test_sixty_seconds_of_a_ride_hold(tmp_path):
+def test_half_a_minute_of_a_ride_holds(tmp_path):
     out, file = tmp_path / "soak", tmp_path / "soak.json"
     began = time.monotonic()
     done = subprocess.run(
-        [sys.executable, "-m", "soak", "--minutes", "1", "--mode", "lockstep", "--out", str(out), "--json", str(file)],
+        [
+            sys.executable,
+            "-m",
+            "soak",
+            "--minutes",
+            "0.5",
+            "--mode",
+            "lockstep",
+            "--out",
+            str(out),
+            "--json",
+            str(file),
+        ],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -197,10 +211,10 @@ def test_sixty_seconds_of_a_ride_hold(tmp_path):
     document = json.loads(file.read_text())
     wrong = {one["name"]: one["found"] for one in document["verdicts"] if not one["ok"]}
     assert done.returncode == (1 if wrong else 0), done.stdout
-    # Within seconds queues still fill up: what a minute brings is told by the script itself.
-    assert not {name for name in wrong if "growth of resident memory" not in name}, done.stdout
-    assert all(found < 8.0 for name, found in wrong.items()), (wrong, time.monotonic() - began)
+    # Within seconds queues still fill up, and few looks are taken: what a minute brings is told by the script itself.
+    assert not {name for name in wrong if "growth" not in name}, done.stdout
+    assert all(found is None or found < 8.0 for name, found in wrong.items()), (wrong, time.monotonic() - began)
     assert {one["messages"] for one in document["streams"] if one["topic"].endswith(("rig_sim/state", "command"))} == {
-        30_000
+        15_000
     }
     assert document["viewers"]["messages"] > 0 and (out / "memory.png").stat().st_size > 10_000
