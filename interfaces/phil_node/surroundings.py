@@ -33,7 +33,7 @@ SWITCHES = (
 )
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 THIS_MACHINE = Path(__file__).with_name("this_machine.xml")
-"""Profile of Fast DDS that listens on 127.0.0.1 and in shared memory only."""
+"""Profile of Fast DDS that listens on 127.0.0.1 only, and not in the shared memory of DDS."""
 OF_TRANSPORTS = ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "FASTDDS_BUILTIN_TRANSPORTS", *PROFILES)
 """Variables by which a user says who is to be heard: with one of them the profile is left out."""
 
