@@ -24,7 +24,9 @@ WRONG = 2
 LAST_DOMAIN = 232
 """From this domain on the ports of DDS would be beyond 65535."""
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-RANGES = ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT")
+BY_PROFILE = "SYSTEM_DEFAULT"
+RANGES = ("SUBNET", "LOCALHOST", BY_PROFILE)
+ONLY_HERE = "ROS_LOCALHOST_ONLY"
 SWITCHES = (
     "ROS_LOCALHOST_ONLY",
     "RCUTILS_COLORIZED_OUTPUT",
@@ -34,7 +36,8 @@ SWITCHES = (
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 THIS_MACHINE = Path(__file__).with_name("this_machine.xml")
 """Profile of Fast DDS that listens on 127.0.0.1 only, and not in the shared memory of DDS."""
-OF_TRANSPORTS = ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "FASTDDS_BUILTIN_TRANSPORTS", *PROFILES)
+TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
+OF_TRANSPORTS = ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", TRANSPORTS, *PROFILES)
 """Variables by which a user says who is to be heard: with one of them the profile is left out."""
 
 
@@ -51,31 +54,38 @@ def keep_to_this_machine(environment: MutableMapping[str, str]) -> None:
     """Let nobody on the network find or reach the nodes, unless the environment says who may.
 
     A discovery range of LOCALHOST makes nobody look for others, but with it alone Fast DDS still listens on every
-    address, and who names this machine in ROS_STATIC_PEERS gets in: the sockets are bound to 127.0.0.1 as well.
+    address, and who names this machine in ROS_STATIC_PEERS gets in: the sockets are bound to 127.0.0.1 as well, by a
+    profile. rmw_fastrtps adds its own transports to those of a profile for the range LOCALHOST, shared memory among
+    them, and takes them from the profile alone for SYSTEM_DEFAULT; the profile itself says then who is looked for.
 
     Args:
         environment: of the process, before rclpy is imported; what it inherits.
     """
     given = {name for name, value in environment.items() if value}
-    if environment.get("ROS_LOCALHOST_ONLY") != "1" and RANGE not in given:
+    if environment.get(ONLY_HERE) != "1" and RANGE not in given:
         environment[RANGE] = "LOCALHOST"
-    local = environment.get(RANGE) == "LOCALHOST" or environment.get("ROS_LOCALHOST_ONLY") == "1"
+    local = environment.get(RANGE) == "LOCALHOST" or environment.get(ONLY_HERE) == "1"
     if local and given.isdisjoint(OF_TRANSPORTS):
         environment[PROFILES[0]] = str(THIS_MACHINE)
+        environment[RANGE] = BY_PROFILE
+        if ONLY_HERE in given:
+            environment[ONLY_HERE] = "0"  # it counts as LOCALHOST
+    elif not local and given.isdisjoint(OF_TRANSPORTS):
+        environment[TRANSPORTS] = "UDPv4"  # all addresses, and no shared memory either
 
 
 def reach(environment: Mapping[str, str]) -> str:
     """Say in one line who can find nodes with that environment, empty for this machine alone."""
     given = {name: value for name, value in environment.items() if value}
     peers = given.get("ROS_STATIC_PEERS", "").replace(";", ", ")
-    if given.get("ROS_LOCALHOST_ONLY") == "1":
+    if given.get(ONLY_HERE) == "1" or given.get(PROFILES[0]) == str(THIS_MACHINE):
         return ""
     if given.get(RANGE, RANGES[0]) != "LOCALHOST":
         return (
             f"open to the network: everybody on ROS domain {given.get('ROS_DOMAIN_ID', '0')} can move the drive, at "
             f"{', '.join(addresses()) or 'no address of this machine'}"
         )
-    if peers or (set(given) & set(OF_TRANSPORTS) and given.get(PROFILES[0]) != str(THIS_MACHINE)):
+    if peers or set(given) & set(OF_TRANSPORTS):
         return (
             f"open to {peers or 'whom the settings of Fast DDS let in'}, and to everybody who names an address of this "
             f"machine as a peer ({', '.join(addresses())}): they can move the drive"

@@ -45,14 +45,16 @@ def processes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[int]]:
         for log in [(logs / f"{command[0]}.log").open("w")]
     ]
     deadline = time.monotonic() + 30.0
-    while any(len(sockets_of(child.pid)) < 5 for child in started):
-        assert all(child.poll() is None for child in started) and time.monotonic() < deadline
-        time.sleep(0.1)
-    yield [child.pid for child in started]
-    for child in started:
-        child.terminate()
-    for child in started:
-        child.wait(20.0)
+    try:
+        while any(len([one for one in sockets_of(child.pid) if one.address == LOOPBACK]) < 4 for child in started):
+            assert all(child.poll() is None for child in started) and time.monotonic() < deadline
+            time.sleep(0.1)
+        yield [child.pid for child in started]
+    finally:
+        for child in started:
+            child.terminate()
+        for child in started:
+            child.wait(20.0)
 
 
 def send_to(bound: Socket) -> None:
@@ -78,6 +80,14 @@ def test_nothing_listens_to_the_network(processes: list[int]) -> None:
         time.sleep(0.3)
         later = {one.port: one.waiting for one in sockets_of(pid)}
         assert all(later[one.port] > one.waiting for one in others)
+
+
+def test_no_node_shares_memory_with_viewers(processes: list[int]) -> None:
+    for pid in processes:
+        assert "/dev/shm/fastrtps" not in Path(f"/proc/{pid}/maps").read_text()
+        threads = [(task / "comm").read_text() for task in Path(f"/proc/{pid}/task").iterdir()]
+        assert any(name.startswith("dds.udp") for name in threads)
+        assert not any(name.startswith("dds.shm") for name in threads)
 
 
 def test_viewers_of_this_machine_need_no_setting(processes: list[int]) -> None:

@@ -120,12 +120,13 @@ def test_a_path_with_spaces_is_none_of_them(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "discovery", "closed"),
     [
-        ({}, "LOCALHOST", True),
-        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": ""}, "LOCALHOST", True),
-        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "LOCALHOST", True),
+        ({}, "SYSTEM_DEFAULT", True),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": ""}, "SYSTEM_DEFAULT", True),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "SYSTEM_DEFAULT", True),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}, "SYSTEM_DEFAULT", False),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, "SUBNET", False),
-        ({"ROS_LOCALHOST_ONLY": "1"}, None, True),
-        ({"ROS_LOCALHOST_ONLY": "0"}, "LOCALHOST", True),
+        ({"ROS_LOCALHOST_ONLY": "1"}, "SYSTEM_DEFAULT", True),
+        ({"ROS_LOCALHOST_ONLY": "0"}, "SYSTEM_DEFAULT", True),
         ({"ROS_STATIC_PEERS": "192.0.2.7"}, "LOCALHOST", False),
         ({"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, "LOCALHOST", False),
     ],
@@ -138,12 +139,18 @@ def test_nodes_keep_to_this_machine_unless_told_otherwise(
     assert environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == discovery
     assert (environment.get("FASTRTPS_DEFAULT_PROFILES_FILE") == str(THIS_MACHINE)) == closed
     assert (reach(environment) == "") == closed
+    if environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "SUBNET":
+        assert environment["FASTDDS_BUILTIN_TRANSPORTS"] == "UDPv4"  # viewers would stop the loop by shared memory
+    inherited = dict(environment)
+    keep_to_this_machine(inherited)
+    assert inherited == environment  # by the processes that a ride starts
 
 
 def test_the_profile_listens_on_the_loopback_alone() -> None:
     names = {"dds": "http://www.eprosima.com"}
     profile = ElementTree.parse(THIS_MACHINE)
-    assert [found.text for found in profile.iterfind(".//dds:address", names)] == ["127.0.0.1"]
+    assert [found.text for found in profile.iterfind(".//dds:interfaceWhiteList/dds:address", names)] == ["127.0.0.1"]
+    assert [found.text for found in profile.iterfind(".//dds:type", names)] == ["UDPv4"]
     assert [found.text for found in profile.iterfind(".//dds:useBuiltinTransports", names)] == ["false"]
 
 
