@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import count
 from typing import Any
 
@@ -36,7 +37,9 @@ def until(done: Callable[[], bool], seconds: float = 5.0) -> bool:
     return done()
 
 
+@cache
 def state(cycle: int) -> bytes:
+    """Give a state as the sender has it: written once for both ways (what rclpy writes between fields is left over)."""
     message = messages.RigState(cycle=cycle, f_tr=50.0 + cycle)
     message.header.frame_id = "rig"
     return bytes(serialize_message(message))
