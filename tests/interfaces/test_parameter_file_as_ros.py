@@ -19,7 +19,11 @@ REFUSED = "refused"
 def context():
     found = rclpy.Context()
     found.init()
+    # The participant of DDS goes with a context's last node. Fast DDS now and then waits for ever for the listener of
+    # one that goes while it is being discovered; here one is enough for all.
+    keeper = Node("keeper", context=found, use_global_arguments=False, start_parameter_services=False)
     yield found
+    keeper.destroy_node()
     found.try_shutdown()
 
 
