@@ -16,6 +16,7 @@ from time import monotonic
 from typing import Any, TextIO
 
 from energy_monitor.command_line import UNUSABLE, Parser, seconds
+from energy_monitor.links import Followed, Links
 from energy_monitor.topics import RECORDED
 from phil_node.surroundings import leave_if_unusable
 
@@ -31,6 +32,8 @@ LOOK = 0.05
 """s between two looks at signals, clock and graph; messages are taken as they come."""
 STEADY_LOOK = 0.2
 """The same once all topics are found: rclpy's events executor keeps 32 bytes of each such turn for good."""
+GRACE = 0.5
+"""s that a link has to come again, before its topic is listened to by DDS."""
 DRAIN = 2.0
 """s after which the recording ends although messages still come."""
 
@@ -131,6 +134,11 @@ class RideRecorder:
         self._expected = {node.resolve_topic_name(name) for name in expected}
         self._every_topic = every_topic
         self._subscriptions: dict[str, Any] = {}
+        self._followed: dict[str, Followed] = {}
+        self._alone_since: dict[str, float] = {}
+        self._kinds: dict[str, Any] = {}
+        self._channels: dict[str, Any] = {}
+        self._links = Links()
         self.channels: list[Any] = []
         self.refused: dict[str, str] = {}
         self.undefined: dict[str, str] = {}
@@ -143,17 +151,16 @@ class RideRecorder:
         if self._every_topic:
             graph = self._node.get_topic_names_and_types()
             names |= {name for name, _ in graph if not any(part.startswith("_") for part in name.split("/"))}
-        for name in sorted(names - self._subscriptions.keys() - self.refused.keys()):
+        for name in sorted(names - self._followed.keys() - self.refused.keys()):
             publishers = self._node.get_publishers_info_by_topic(name)
             if publishers:
-                self._subscribe(name, publishers)
+                self._add(name, publishers)
+        for name in self._followed.keys() - self._subscriptions.keys():
+            self._complete(name, monotonic())
 
     def ready(self, now: float) -> bool:
         """Tell whether every expected topic is subscribed and has had a publisher for a while (``now`` in s)."""
-        matched = all(
-            name in self._subscriptions and self._subscriptions[name].get_publisher_count() > 0
-            for name in self._expected
-        )
+        matched = all(self._reached(name) for name in self._expected)
         if not matched:
             self._matched_since = None
             return False
@@ -161,26 +168,30 @@ class RideRecorder:
             self._matched_since = now
         return now - self._matched_since >= SETTLE
 
+    def _reached(self, name: str) -> bool:
+        if name in self._subscriptions:
+            return bool(self._subscriptions[name].get_publisher_count() > 0)
+        return name in self._followed and self._followed[name].linked
+
     @property
     def complete(self) -> bool:
         """True when there is nothing left to be found."""
-        return not self._every_topic and self._wanted <= self._subscriptions.keys() | self.refused.keys()
+        return not self._every_topic and self._wanted <= self._followed.keys() | self.refused.keys()
 
     @property
     def absent(self) -> list[str]:
         """Wanted topics that nobody published."""
-        return sorted(self._wanted - self._subscriptions.keys() - self.refused.keys())
+        return sorted(self._wanted - self._followed.keys() - self.refused.keys())
 
-    def _subscribe(self, name: str, publishers: Sequence[Any]) -> None:
-        from rclpy.event_handler import SubscriptionEventCallbacks
-
+    def _add(self, name: str, publishers: Sequence[Any]) -> None:
+        """Enter a topic into the bag; follow its sender if it is on this machine."""
         from energy_monitor.definitions import definition_of
         from energy_monitor.recorder import Channel
 
         kind = publishers[0].topic_type
         try:
             package, namespace, short = kind.split("/")
-            message = getattr(import_module(f"{package}.{namespace}"), short)
+            self._kinds[name] = getattr(import_module(f"{package}.{namespace}"), short)
         except (ImportError, AttributeError, ValueError) as error:
             self.refused[name] = f"type {kind} is not installed ({error})"
             return
@@ -188,28 +199,57 @@ class RideRecorder:
         if definition.problem:
             self.undefined[name] = definition.problem
         channel = Channel(name, kind, definition, [offered(info.qos_profile) for info in publishers])
+        self._channels[name] = channel
+
+        def lost(count: int) -> None:
+            channel.lost += count
+
+        followed = Followed(self._node.context.get_domain_id(), name, self._sink.add(channel), lost)
+        self._followed[name] = followed
+        self.channels.append(channel)
+        if not self._links.follow(followed):
+            self._subscribe(name)
+
+    def _complete(self, name: str, now: float) -> None:
+        """Listen by DDS as well unless the only sender is linked: to one of another machine, or to a second one."""
+        speakers = self._node.count_publishers(name)
+        if not speakers or (self._followed[name].linked and speakers == 1):
+            self._alone_since.pop(name, None)
+        elif now - self._alone_since.setdefault(name, now) >= GRACE:
+            self._subscribe(name)
+
+    def _subscribe(self, name: str) -> None:
+        from rclpy.event_handler import SubscriptionEventCallbacks
+
+        channel = self._channels[name]
 
         def lost(status: Any) -> None:
             channel.lost += status.total_count_change
 
         self._subscriptions[name] = self._node.create_subscription(
-            message,
+            self._kinds[name],
             name,
-            self._sink.add(channel),
-            matching(publishers),
+            self._followed[name].ways.by_topic,
+            matching(self._node.get_publishers_info_by_topic(name), late=bool(channel.messages)),
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
         )
-        self.channels.append(channel)
+
+    def close(self) -> None:
+        """Leave all senders."""
+        self._links.close()
 
 
-def matching(publishers: Sequence[Any]) -> Any:
-    """Ask for what all publishers of a topic offer: reliable, transient local if every one of them is."""
+def matching(publishers: Sequence[Any], late: bool = False) -> Any:
+    """Ask for what all publishers of a topic offer: reliable, transient local if every one of them is.
+
+    Who is ``late``, and has had what was kept by another way, asks for what comes from now on.
+    """
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     profiles = [info.qos_profile for info in publishers]
     reliable = all(profile.reliability == ReliabilityPolicy.RELIABLE for profile in profiles)
-    latched = all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)
+    latched = not late and all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=DEPTH,
@@ -309,6 +349,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         unready = error
     finally:
         duration = monotonic() - began
+        recorder.close()
         node.destroy_node()
         rclpy.try_shutdown()
         failure = closed(sink) or unready
@@ -379,7 +420,7 @@ def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Name
     while not asked and sink.error is None:
         executor.spin_until_future_complete(never, timeout_sec=STEADY_LOOK if first and not waiting else LOOK)
         now = monotonic()
-        if not recorder.complete and now - looked >= look_period(now - began, waiting):
+        if now - looked >= (1.0 if recorder.complete else look_period(now - began, waiting)):
             looked = now
             recorder.discover()
         if waiting and recorder.ready(now):

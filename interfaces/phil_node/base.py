@@ -7,35 +7,41 @@ import os
 import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 from time import monotonic, time_ns
 from typing import Any, Generic, TypeVar
 
+from diagnostic_msgs.msg import DiagnosticArray
 from phil_interfaces.msg import CycleTiming
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from phil_node.bounded_log import BoundedLog
-from phil_node.cdr import Reader
 from phil_node.changes import as_declared, fixed_while_active, merged
 from phil_node.cycle_thread import CycleThread, CycleTimer
 from phil_node.declare import declare
 from phil_node.diagnosis import ERROR, LOOK, OK, STALE, WARN, Diagnosis, Reporter
 from phil_node.link import Inlet, Outlet, address
-from phil_node.outbox import Outbox
+from phil_node.outbox import Outbox, Topic
 from phil_node.parameters import Group, ParameterError, defaults, infos, values_of
-from phil_node.paths import CycleReceiver, CycleSender, Sender
+from phil_node.paths import CycleReceiver, CycleSender, Follower, Receiver, Sender
 from phil_node.process import RCLError, leave, run
 from phil_node.qos import CYCLE
-from phil_node.real_time import Granted, apply
+from phil_node.real_time import FIFO, Granted, apply
+from phil_node.scheduling import CYCLE as CYCLE_PRIORITY
+from phil_node.scheduling import priority_of
 from phil_node.timing import Timing
+from phil_node.topics import TopicsProcess
 
 P = TypeVar("P", bound=Group)
+R = TypeVar("R", bound=Receiver)
 
 HAND_OVER = 1.0
 """Time in s that listeners have to take the last messages when a node is deactivated."""
@@ -43,6 +49,7 @@ QUIET = 1.0
 """Time in s without a cycle after which a ride counts as over."""
 SWITCH = 5e-5
 """Time in s for which the cycle's thread at most waits for Python code of another thread of its process."""
+DIAGNOSTICS = QoSProfile(depth=10)
 LOCKSTEP = "lockstep"
 """Value of the parameter ``mode`` of a ride that waits for its cycles; any other runs by the wall clock."""
 
@@ -77,8 +84,9 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.failure: BaseException | None = None
         self._outbox = Outbox()
         self._thread = CycleThread(self.lock, self._fail, self._look_for_peers)
-        self._receivers: list[CycleReceiver] = []
+        self._receivers: list[Receiver] = []
         self._outlets: list[Outlet] = []
+        self._diagnostics: Topic | None = None
         self.configured = False
         self.active = False
         self.has_process = False
@@ -90,7 +98,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.add_post_set_parameters_callback(self._take_parameters)
         self.log = BoundedLog(lambda: self.get_logger())
         self._failure = ""
-        self._reporter = Reporter(self, self._diagnosis, self._all_signs, self.ride_time)
+        self._reporter = Reporter(self.full_name, self._say, self._diagnosis, self._all_signs, self.ride_time)
         # No timer of ours on the ROS clock: under use_sim_time it stands still until somebody publishes /clock.
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._clock_missed = False
@@ -160,21 +168,36 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             return stamp
         return stamp + round(ago * 1e9) if stamp else self.wall_clock()
 
-    def publish_on(self, kind: Any, name: str, qos: QoSProfile = CYCLE) -> Any:
+    def use(self, process: TopicsProcess) -> None:
+        """Speak and listen on topics by a process of its own; before the node is configured."""
+        process.name(self.get_name(), self.get_namespace())
+        self._outbox.process = process
+        number = process.speak(DiagnosticArray, "/diagnostics", DIAGNOSTICS)
+        self._diagnostics = Topic("/diagnostics", number, None, 0)
+
+    def publish_on(self, kind: Any, name: str, qos: QoSProfile = CYCLE) -> Sender:
         """Create a publisher that is silent unless the node is active."""
-        return Sender(self._lifecycle_publisher(kind, name, qos), self._outbox)
+        return Sender(self._topic(kind, name, qos), self._outbox)
 
     def send_cycles(self, kind: Any, name: str, qos: QoSProfile, peers: int) -> CycleSender:
         """Create a publisher of a message a cycle that ``peers`` nodes of the loop wait for; it links them as well."""
-        publisher = self._lifecycle_publisher(kind, name, qos)
-        outlet = Outlet(address(self.context.get_domain_id(), str(publisher.topic_name)), peers)
+        topic = self._topic(kind, name, qos)
+        outlet = Outlet(address(self.context.get_domain_id(), topic.name), peers)
         self._outlets.append(outlet)
-        return CycleSender(publisher, self._outbox, outlet)
+        return CycleSender(topic, self._outbox, outlet)
 
-    def _lifecycle_publisher(self, kind: Any, name: str, qos: QoSProfile) -> Any:
-        publisher = self.create_lifecycle_publisher(kind, name, qos)
-        self._owned.append((self.destroy_lifecycle_publisher, publisher))
-        return publisher
+    def _topic(self, kind: Any, name: str, qos: QoSProfile) -> Topic:
+        full, process = self.resolve_topic_name(name), self._outbox.process
+        if process is None:
+            publisher = self.create_publisher(kind, name, qos)
+            self._owned.append((self.destroy_publisher, publisher))
+        kept = qos.depth if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL else 0
+        outlet = Outlet(address(self.context.get_domain_id(), full, followed=True), 0)
+        speaker = publisher.handle if process is None else process.speak(kind, full, qos)
+        topic = Topic(full, speaker, outlet, kept)
+        topic.open = self.active
+        self._outbox.topics.append(topic)
+        return topic
 
     def publish_always(self, kind: Any, name: str, qos: QoSProfile) -> Any:
         """Create a publisher that also speaks while the node is configured but not active (latched data)."""
@@ -184,30 +207,49 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
 
     def listen(
         self, kind: Any, name: str, qos: QoSProfile, callback: Callable[[Any], None], always: bool = False
-    ) -> Any:
-        """Create a subscription; messages that come while the node is not active are dropped, unless ``always``."""
-        reader = Reader(kind)
+    ) -> Follower:
+        """Listen to a topic that nobody waits for; by a link to its sender, in batches, if there is one.
 
-        def when_active(data: bytes) -> None:
+        ``callback`` is called with the node's lock held; messages that come while the node is not active are dropped,
+        unless ``always``.
+        """
+
+        def when_active(message: Any) -> None:
             if self.active or always:
-                callback(reader.read(data))
+                callback(message)
 
-        return self._subscribe(kind, name, qos, when_active)
+        return self._receive(Follower, kind, name, qos, when_active, always)
 
     def receive_cycles(self, kind: Any, name: str, qos: QoSProfile, callback: Callable[[Any], None]) -> CycleReceiver:
         """Listen to a message a cycle, by the link to its sender if there is one, and on the topic.
 
         ``callback`` is called with the node's lock held; messages that come while the node is not active are dropped.
         """
+        return self._receive(CycleReceiver, kind, name, qos, callback, False)
+
+    def _receive(
+        self, way: type[R], kind: Any, name: str, qos: QoSProfile, callback: Callable[[Any], None], always: bool
+    ) -> R:
+        full, process = self.resolve_topic_name(name), self._outbox.process
+        inlet = Inlet(address(self.context.get_domain_id(), full, followed=way is Follower))
+        number = 0
 
         def when_active(data: bytes) -> None:
             with self.lock:
-                if self.active:
+                if self.active or always:
                     receiver.from_topic(data)
 
-        subscription = self._subscribe(kind, name, qos, when_active)
-        inlet = Inlet(address(self.context.get_domain_id(), str(subscription.topic_name)))
-        receiver = CycleReceiver(kind, inlet, self._thread, callback)
+        def linked(yes: bool) -> None:
+            if process is not None:
+                process.linked(number, yes)
+
+        receiver = way(kind, inlet, self._thread, callback, linked)
+        if process is not None:
+            number = process.hear(kind, full, qos, when_active)
+            self._owned.append((process.drop, number))
+        else:
+            subscription = self.create_subscription(kind, name, when_active, qos, raw=True)
+            self._owned.append((self.destroy_subscription, subscription))
         self._receivers.append(receiver)
         return receiver
 
@@ -216,11 +258,6 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         timer = self._thread.timer(period, callback)
         self._owned.append((self._thread.drop, timer))
         return timer
-
-    def _subscribe(self, kind: Any, name: str, qos: QoSProfile, callback: Callable[[bytes], None]) -> Any:
-        subscription = self.create_subscription(kind, name, callback, qos, raw=True)
-        self._owned.append((self.destroy_subscription, subscription))
-        return subscription
 
     def every(self, period: float, callback: Callable[[], None]) -> Any:
         """Create a timer of ``period`` s that runs while the node is active."""
@@ -281,22 +318,54 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self._ask_system()
             # Publishers first: start() may publish at once.
             LifecycleNode.on_activate(self, state)
-            self._outbox.start()
-            self.active = True
+            self._connect()
+            self._open(True)
             try:
                 with self.lock:
                     self.start()
             except Exception:
-                self.active = False
-                self._outbox.stop()
+                self._open(False)
                 LifecycleNode.on_deactivate(self, state)
                 gc.enable()
                 gc.unfreeze()
                 raise
-            if self._receivers or self._outlets:
-                self._thread.start()
+            self._thread.start()
 
         return self._attempt("activate", activate)
+
+    def _connect(self) -> None:
+        """Link who is there already, and drop what came while this node was not active."""
+        if self._outbox.process is not None:
+            self._outbox.process.receive()
+            self._watch_process()
+        for receiver in self._receivers:
+            receiver.look()
+            if isinstance(receiver, Follower):
+                receiver.drain()
+
+    def _watch_process(self) -> None:
+        process = self._outbox.process
+        assert process is not None
+        file = process.file
+
+        def receive() -> None:
+            if not process.receive():
+                self._thread.forget(file)
+
+        self._thread.watch(file, receive)
+
+    def _open(self, yes: bool) -> None:
+        """Begin or end to take messages, and to publish."""
+        process = self._outbox.process
+        if process is not None:
+            process.active(yes)
+        for topic in self._outbox.topics:
+            topic.open = yes
+        if yes:
+            self._outbox.start()
+        self.active = yes
+        if not yes:
+            self._outbox.stop()
 
     def _ask_system(self) -> None:
         """Ask for what real time needs; a process that belongs to others as well (a test's) is left as it is."""
@@ -362,12 +431,13 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.active = False
         self._thread.stop()
         for receiver in self._receivers:
-            receiver.close()
+            if isinstance(receiver, CycleReceiver):
+                receiver.close()
         gc.enable()
         gc.unfreeze()
         self.stop()
         self.timing.finish()
-        self._outbox.stop()
+        self._open(False)
         self._hand_over()
 
     def destroy_node(self) -> None:
@@ -375,19 +445,54 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.active = False
         self._thread.stop()
         self._outbox.stop()
+        self._close_links()
+        if self._outbox.process is not None:
+            self._outbox.process.close()
+        super().destroy_node()
+
+    def _close_links(self) -> None:
         for receiver in self._receivers:
             receiver.close()
         for outlet in self._outlets:
+            if outlet.alone:
+                self._thread.forget(outlet.held.fileno())
             outlet.close()
-        super().destroy_node()
+        for topic in self._outbox.topics:
+            if topic.outlet is not None:
+                if topic.outlet.alone:
+                    self._thread.forget(topic.outlet.held.fileno())
+                topic.outlet.close()
+            if self._outbox.process is not None:
+                self._outbox.process.drop(topic.publisher)
+        self._receivers.clear()
+        self._outlets.clear()
+        self._outbox.topics.clear()
+
+    def _admit(self, outlet: Outlet) -> None:
+        outlet.accept()
 
     def _look_for_peers(self) -> None:
         """Link who has come; in the cycle's thread."""
         for outlet in self._outlets:
             if outlet.alone:
-                self._thread.watch(outlet.held.fileno(), outlet.accept)
+                self._thread.watch(outlet.held.fileno(), partial(self._admit, outlet))
         for receiver in self._receivers:
             receiver.look()
+        for topic in self._outbox.topics:
+            if topic.outlet is not None and topic.outlet.alone:
+                self._thread.watch(topic.outlet.held.fileno(), self._outbox.look_for_followers)
+        self._schedule_process()
+
+    def _schedule_process(self) -> None:
+        """Let the process for topics go first where the loop needs it: in lockstep, and for peers without a link."""
+        process, wanted = self._outbox.process, getattr(self.parameters, "real_time", None)
+        if process is None or wanted is None:
+            return
+        in_lockstep = getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP
+        linked = all(len(outlet.peers) >= outlet.wanted for outlet in self._outlets)
+        linked = linked and all(receiver.linked for receiver in self._receivers)
+        first = wanted.scheduling == FIFO and (in_lockstep or not linked)
+        process.schedule(priority_of("publish", wanted.priority or CYCLE_PRIORITY, in_lockstep) if first else 0)
 
     def _fail(self, error: BaseException) -> None:
         """Keep what went wrong in the cycle's thread: the process ends with it."""
@@ -397,8 +502,9 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
     def _hand_over(self) -> None:
         """Let slow listeners take what was sent: with the publisher its samples go. A dead listener costs a second."""
         deadline = monotonic() + HAND_OVER
+        self._outbox.hand_over(HAND_OVER)
         for destroy, entity in self._owned:
-            if destroy == self.destroy_lifecycle_publisher:
+            if destroy == self.destroy_publisher:
                 entity.wait_for_all_acked(Duration(seconds=max(0.0, deadline - monotonic())))
 
     def _tear_down(self) -> None:
@@ -409,12 +515,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self._destroy_owned()
 
     def _destroy_owned(self) -> None:
-        for outlet in self._outlets:
-            if outlet.alone:
-                self._thread.forget(outlet.held.fileno())
-            outlet.close()
-        self._outlets.clear()
-        self._receivers.clear()
+        self._close_links()
         for destroy, entity in reversed(self._owned):
             destroy(entity)
         self._owned.clear()
@@ -463,6 +564,21 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
                 self._stale_build = True
             elif self.configured:
                 self.changed(names)
+
+    def _say(self, message: Any) -> None:
+        process = self._outbox.process
+        if self._diagnostics is None:
+            handle = self.create_publisher(DiagnosticArray, "/diagnostics", DIAGNOSTICS).handle
+            self._diagnostics = Topic("/diagnostics", handle, None, 0)
+        if process is not None and process.gone:
+            self._revive(process)
+        self._outbox.say(self._diagnostics, serialize_message(message))
+
+    def _revive(self, process: TopicsProcess) -> None:
+        self.log.error("the process for the node's topics is gone: it is started again")
+        process.revive()
+        if self.active:
+            self._watch_process()
 
     def _publish_diagnosis(self) -> None:
         self._reporter.publish()

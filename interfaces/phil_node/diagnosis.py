@@ -12,7 +12,6 @@ from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
 
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 SEVERITY = (OK, WARN, STALE, ERROR)
@@ -58,18 +57,17 @@ class Reporter:
 
     def __init__(
         self,
-        node: Node,
+        name: str,
+        say: Callable[[DiagnosticArray], None],
         diagnose: Callable[[], Diagnosis],
         signs: Callable[[], tuple[object, ...]],
         stamp: Callable[[], int],
     ) -> None:
-        """Take what to say, signs that something changed (looked at ten times a second), and the time in ns."""
-        name = str(node.get_fully_qualified_name())
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        """Take the node's full name, who publishes, what to say, signs of a change, looked at often, and the time in ns."""
         # Two rigs in namespaces share the topic: the whole name tells whose status this is.
         self._status = DiagnosticStatus(name=f"{name}: cycle", hardware_id=name)
         self._message = DiagnosticArray(status=[self._status])
-        self._diagnose, self._signs, self._stamp = diagnose, signs, stamp
+        self._say, self._diagnose, self._signs, self._stamp = say, diagnose, signs, stamp
         self._shown: tuple[object, ...] = ()
         self._at = -EVERY
         self._events: Mapping[str, int] = {}
@@ -89,7 +87,7 @@ class Reporter:
         status.values = [KeyValue(key=key, value=value) for key, value in found.values.items()]
         stamp: Any = self._message.header.stamp
         stamp.sec, stamp.nanosec = divmod(self._stamp(), 1_000_000_000)
-        self._publisher.publish(self._message)
+        self._say(self._message)
 
     def since_last(self, **counts: int) -> str:
         """Give the time in s since one of these counters was last seen to rise, "-" if none has."""

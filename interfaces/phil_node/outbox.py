@@ -1,59 +1,66 @@
-"""Publishing beside the cycle: what a node sends goes to a thread that may wait for DDS while the cycle does not."""
+"""Publishing beside the cycle: what a node sends goes to a thread, and from it to DDS and to those who follow."""
 
 from __future__ import annotations
 
-import ctypes
 import threading
 from collections import deque
-from time import sleep
+from collections.abc import Iterable
+from time import monotonic, sleep
 from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 
+from phil_node.link import Message, Outlet, Peer, batches
+from phil_node.publish import publish_bytes
 from phil_node.real_time import set_thread
+from phil_node.topics import TopicsProcess
 
-EVERY = 0.004
+EVERY = 0.008
 """Time in s from one batch to the next: what nobody in the loop waits for costs a fraction if it goes in batches."""
 
 
-class _Serialized(ctypes.Structure):
-    """rcl_serialized_message_t (rcutils/types/uint8_array.h, rcutils/allocator.h)."""
+class Topic:
+    """A topic that a node speaks on: its publisher, in this process or in the one for topics, and who follows it."""
 
-    _fields_ = (
-        ("buffer", ctypes.c_char_p),
-        ("length", ctypes.c_size_t),
-        ("capacity", ctypes.c_size_t),
-        ("allocator", ctypes.c_void_p * 5),
-    )
+    def __init__(self, name: str, publisher: Any, outlet: Outlet | None, kept: int) -> None:
+        """Take the full name, rclpy's publisher or its number in the other process, and how many samples are kept."""
+        self.name, self.publisher, self.outlet = name, publisher, outlet
+        self.open = True
+        self.number = 0
+        self._kept: deque[tuple[int, int, bytes]] | None = deque(maxlen=kept) if kept else None
 
+    def enter(self, data: bytes) -> Message:
+        """Number a message, and keep it for who comes late if this topic does so."""
+        self.number += 1
+        message = (self.publisher if isinstance(self.publisher, int) else 0), self.number, data
+        if self._kept is not None:
+            self._kept.append(message)
+        return message
 
-_RCL = ctypes.CDLL("librcl.so")
-_PUBLISH = _RCL.rcl_publish_serialized_message
-_PUBLISH.argtypes = (ctypes.c_void_p, ctypes.POINTER(_Serialized), ctypes.c_void_p)
-_PUBLISH.restype = ctypes.c_int
-_RESET_ERROR = ctypes.CDLL("librcutils.so").rcutils_reset_error
-_RESET_ERROR.restype = None
+    def follow(self, new: Iterable[Peer]) -> None:
+        """Give who begins to follow what was kept."""
+        for peer in new:
+            for batch in batches(self._kept or ()):
+                peer.send(batch)
 
-
-def publish_bytes(publisher: int, data: bytes) -> bool:
-    """Publish a message in CDR by the address of an rcl publisher; tell whether rcl took it.
-
-    rclpy does the same, but keeps the interpreter's lock meanwhile: a write that waits for a lock of DDS would stop
-    every thread of the node. A foreign function called by ctypes gives it up.
-    """
-    message = _Serialized(data, len(data), len(data))
-    if _PUBLISH(publisher, ctypes.byref(message), None) == 0:
-        return True
-    _RESET_ERROR()
-    return False
+    @property
+    def followers(self) -> int:
+        """Give the number of those who follow."""
+        return len(self.outlet.peers) if self.outlet is not None else 0
 
 
 class Outbox:
-    """Publishes in a thread of its own, in the order of `post`, a few milliseconds later or at once."""
+    """Publishes in a thread of its own, in the order of `post`, a few milliseconds later or at once.
+
+    With a process for topics it goes there, and from there by DDS; without one it is published here. Who follows a
+    topic is sent the same in batches.
+    """
 
     def __init__(self) -> None:
         self.failed = 0
-        self._waiting: deque[tuple[Any, bytes]] = deque()
+        self.process: TopicsProcess | None = None
+        self.topics: list[Topic] = []
+        self._waiting: deque[tuple[Topic, bytes]] = deque()
         self._turn = threading.Lock()
         self._thread: threading.Thread | None = None
         self._running = False
@@ -72,21 +79,66 @@ class Outbox:
             self._thread = None
         self.flush()
 
-    def post(self, publisher: Any, data: bytes) -> None:
-        """Have a message (CDR) published by the publisher of that handle (rclpy's)."""
-        self._waiting.append((publisher, data))
+    def post(self, topic: Topic, data: bytes) -> None:
+        """Have a message (CDR) published."""
+        self._waiting.append((topic, data))
+
+    def say(self, topic: Topic, data: bytes) -> None:
+        """Publish a message that belongs to no cycle, now unless the thread does so soon."""
+        self.post(topic, data)
+        if not self._running:
+            self.flush()
 
     def flush(self) -> None:
         """Publish all that waits, now and here."""
-        waiting = self._waiting
         with self._turn:
+            posted: list[Message] = []
+            followed: dict[Topic, list[Message]] = {}
+            waiting = self._waiting
             while waiting:
-                publisher, data = waiting.popleft()
-                try:
-                    with publisher:  # it cannot be destroyed meanwhile
-                        self.failed += not publish_bytes(publisher.pointer, data)
-                except InvalidHandle:
-                    self.failed += 1
+                topic, data = waiting.popleft()
+                message = topic.enter(data)
+                posted.append(message)
+                if self.process is None:
+                    self._publish(topic.publisher, data)
+                if topic.followers:
+                    followed.setdefault(topic, []).append(message)
+            if self.process is not None:
+                self.process.publish(posted)
+                self.process.go_on()
+            for topic, messages in followed.items():
+                for batch in batches(messages):
+                    topic.outlet.send(batch)  # type: ignore[union-attr]  # it has followers
+            for topic in self.topics:
+                if topic.followers and topic not in followed:
+                    topic.outlet.go_on()  # type: ignore[union-attr]
+
+    def look_for_followers(self) -> None:
+        """Let in who wants to follow."""
+        with self._turn:
+            for topic in self.topics:
+                if topic.outlet is not None and topic.outlet.alone:
+                    topic.follow(topic.outlet.accept())
+
+    def hand_over(self, seconds: float) -> None:
+        """Wait until those who follow, and the process for topics, have all that was published."""
+        end = monotonic() + seconds
+        while monotonic() < end and self._behind():
+            sleep(EVERY)
+            self.flush()
+        if self.process is not None:
+            self.process.acknowledged(max(0.0, end - monotonic()))
+
+    def _behind(self) -> bool:
+        process = self.process is not None and self.process.behind
+        return process or any(peer.waiting for topic in self.topics if topic.outlet for peer in topic.outlet.peers)
+
+    def _publish(self, handle: Any, data: bytes) -> None:
+        try:
+            with handle:  # it cannot be destroyed meanwhile
+                self.failed += not publish_bytes(handle.pointer, data)
+        except InvalidHandle:
+            self.failed += 1
 
     def _run(self) -> None:
         set_thread("publish")

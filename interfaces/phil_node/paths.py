@@ -1,4 +1,4 @@
-"""The two ways of a node's messages: the topic, for everybody, and the link, for the loop's peers on this machine."""
+"""The ways of a node's messages: the topic, for everybody, and links, for the loop's peers and those who follow it."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rclpy.serialization import serialize_message
 
 from phil_node.cdr import Reader, Writer
 from phil_node.cycle_thread import CycleThread
-from phil_node.link import Inlet, Outlet
-from phil_node.outbox import Outbox
+from phil_node.link import Inlet, Outlet, messages_of
+from phil_node.outbox import Outbox, Topic
 
 REMEMBERED = 5000
 """Messages back for which it is known that they came already by the other way."""
@@ -20,53 +20,80 @@ REMEMBERED = 5000
 class Sender:
     """Publishes on a topic through the outbox; messages are rclpy's or a `Writer`."""
 
-    def __init__(self, publisher: Any, outbox: Outbox) -> None:
-        self._publisher, self._outbox = publisher, outbox
-        self._handle = publisher.handle
-        self.topic_name = str(publisher.topic_name)
+    def __init__(self, topic: Topic, outbox: Outbox) -> None:
+        self.topic, self._outbox = topic, outbox
+        self.topic_name = topic.name
 
     def get_subscription_count(self) -> int:
+        """Give the number of those who take what is published: subscriptions that are matched, followers and peers."""
+        return self.matched + self.linked
+
+    @property
+    def matched(self) -> int:
         """Give the number of subscriptions that are matched."""
-        return int(self._publisher.get_subscription_count())
+        publisher, process = self.topic.publisher, self._outbox.process
+        if process is not None:
+            return process.counts.get(publisher, 0)
+        with publisher:
+            return int(publisher.get_subscription_count())
+
+    @property
+    def linked(self) -> int:
+        """Give the number of those who take it by a link."""
+        return self.topic.followers
 
     def publish(self, message: Any) -> None:
         """Publish unless the node is inactive."""
-        if self._publisher.is_activated:
+        if self.topic.open:
             data = message.bytes() if isinstance(message, Writer) else serialize_message(message)
-            self._outbox.post(self._handle, data)
+            self._outbox.post(self.topic, data)
 
 
 class CycleSender(Sender):
     """Sends to the linked peers first, and publishes; at once while one of the loop's peers is not linked."""
 
-    def __init__(self, publisher: Any, outbox: Outbox, outlet: Outlet) -> None:
-        """Publish as ``publisher`` does, and send through ``outlet``."""
-        super().__init__(publisher, outbox)
+    def __init__(self, topic: Topic, outbox: Outbox, outlet: Outlet) -> None:
+        """Publish on a topic, and send through ``outlet``."""
+        super().__init__(topic, outbox)
         self.outlet = outlet
+
+    @property
+    def linked(self) -> int:
+        """Give the number of those who take it by a link."""
+        return self.topic.followers + len(self.outlet.peers)
 
     def publish(self, message: Any) -> None:
         """Send and publish unless the node is inactive."""
-        if not self._publisher.is_activated:
+        topic = self.topic
+        if not topic.open:
             return
         data = message.bytes() if isinstance(message, Writer) else serialize_message(message)
         outlet = self.outlet
         outlet.send(data)
-        self._outbox.post(self._handle, data)
+        self._outbox.post(topic, data)
         if len(outlet.peers) < outlet.wanted:
             # A peer listens to the topic alone: it waits for this.
             self._outbox.flush()
 
 
-class CycleReceiver:
-    """Takes each message once, whichever way it comes: by the link in the cycle's thread, or by the topic.
+class Receiver:
+    """Takes each message once, whichever way it comes: by a link in the cycle's thread, or by the topic.
 
     A message that came both ways, the same to the last byte, is taken from the first. One that came twice by one way is
     taken twice: a sender that sends again has a reason, and a stranger on the topic is heard and judged like the peer.
     """
 
-    def __init__(self, kind: Any, inlet: Inlet, thread: CycleThread, callback: Callable[[Any], None]) -> None:
-        """Give messages of a kind to ``callback``."""
+    def __init__(
+        self,
+        kind: Any,
+        inlet: Inlet,
+        thread: CycleThread,
+        callback: Callable[[Any], None],
+        linked: Callable[[bool], None] = lambda yes: None,
+    ) -> None:
+        """Give messages of a kind to ``callback``; say it to ``linked`` when the link comes and goes."""
         self._reader, self._inlet, self._thread, self._callback = Reader(kind), inlet, thread, callback
+        self._tell = linked
         self._by_link: OrderedDict[int, None] = OrderedDict()
         self._by_topic: OrderedDict[int, None] = OrderedDict()
         self.unreadable = 0
@@ -77,11 +104,12 @@ class CycleReceiver:
         return self._inlet.socket is not None
 
     def look(self) -> None:
-        """Connect if there is a sender; in the cycle's thread."""
+        """Connect if there is a sender; in the cycle's thread, or before it begins."""
         if self._inlet.connect():
             assert self._inlet.socket is not None
             file = self._inlet.socket.fileno()
             self._thread.watch(file, lambda: self._drain(file))
+            self._tell(True)
 
     def close(self) -> None:
         """Disconnect, and forget what came."""
@@ -90,13 +118,23 @@ class CycleReceiver:
         if self._inlet.socket is not None:
             self._thread.forget(self._inlet.socket.fileno())
             self._inlet.close()
+            self._tell(False)
+
+    def drain(self) -> None:
+        """Take what waits; not beside the cycle's thread."""
+        if self._inlet.socket is not None:
+            self._drain(self._inlet.socket.fileno())
 
     def _drain(self, file: int) -> None:
         while (data := self._inlet.receive()) is not None:
             if not data:
                 self._thread.forget(file)
+                self._tell(False)
                 return
-            self._take(data, self._by_link, self._by_topic)
+            self._take_link(data)
+
+    def _take_link(self, data: bytes) -> None:
+        self._take(data, self._by_link, self._by_topic)
 
     def from_topic(self, data: bytes) -> None:
         """Take a message in CDR that came by DDS; with the node's lock held."""
@@ -116,3 +154,27 @@ class CycleReceiver:
             self.unreadable += 1
             return
         self._callback(message)
+
+
+class CycleReceiver(Receiver):
+    """Takes messages that peers of the loop send one by one."""
+
+
+class Follower(Receiver):
+    """Takes messages that come in batches, and counts those that were lost on the way."""
+
+    lost = 0
+    _number = 0
+
+    def _take_link(self, data: bytes) -> None:
+        for _, number, message in messages_of(data):
+            if self._number and number > self._number + 1:
+                self.lost += number - self._number - 1
+            self._number = number
+            self._take(message, self._by_link, self._by_topic)
+
+    def look(self) -> None:
+        """Connect if there is a sender, whose numbers begin anew."""
+        if not self.linked:
+            self._number = 0
+        super().look()

@@ -20,6 +20,7 @@ from phil_node.instance import AlreadyRunning, claim
 from phil_node.parameters import ParameterError
 from phil_node.shared_memory import remove_litter
 from phil_node.signals import Ending
+from phil_node.topics import TopicsProcess
 
 if TYPE_CHECKING:
     from phil_node.base import PhilNode
@@ -45,6 +46,7 @@ def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int
 
 def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Ending) -> int:
     remove_litter()
+    topics = TopicsProcess()
     try:
         set_logger_level("rcl", LoggingSeverity.FATAL)  # what it cannot read is said below, in one line
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
@@ -54,13 +56,14 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
         node = kind()
         held = claim(node.full_name, node.context.get_domain_id())
     except (ParameterError, AlreadyRunning) as error:
-        return _refuse(str(error))
+        return _refuse(topics, str(error))
     except UnknownROSArgsError as error:
-        return _refuse(f"ROS does not know these arguments: {error}")
+        return _refuse(topics, f"ROS does not know these arguments: {error}")
     except RCLError as error:
         # Arguments that ROS itself cannot read: a missing parameter file, a malformed remapping.
-        return _refuse(PLACES.sub("", str(error).splitlines()[0]))
+        return _refuse(topics, PLACES.sub("", str(error).splitlines()[0]))
     node.has_process = True
+    node.use(topics)
     executor = events_executor()
     executor.add_node(node)
     try:
@@ -90,8 +93,9 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
     return 0
 
 
-def _refuse(text: str) -> int:
+def _refuse(topics: TopicsProcess, text: str) -> int:
     print(text, file=sys.stderr)
+    topics.close()
     rclpy.try_shutdown()
     return WRONG
 

@@ -297,7 +297,7 @@ class RigNode(PhilNode[Parameters]):
         return self.parameters.mode == "realtime" and not supervisor.needs_commands
 
     def _known_listeners(self) -> int:
-        return int(self.count_subscribers(self._state_out.topic_name))
+        return int(self.count_subscribers(self._state_out.topic_name)) + self._state_out.linked
 
     # Operator --------------------------------------------------------------------------------------------------
 

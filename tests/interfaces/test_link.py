@@ -13,6 +13,8 @@ from itertools import count
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 pytest.importorskip("rclpy")
 messages = pytest.importorskip("phil_interfaces.msg", reason="the interfaces are not built, or not sourced")
@@ -20,7 +22,17 @@ messages = pytest.importorskip("phil_interfaces.msg", reason="the interfaces are
 from rclpy.serialization import serialize_message  # noqa: E402
 
 from phil_node.cycle_thread import CycleThread  # noqa: E402
-from phil_node.link import QUEUE, Inlet, Outlet, address  # noqa: E402
+from phil_node.link import (  # noqa: E402
+    BATCH,
+    QUEUE,
+    RECORD,
+    WAITING,
+    Inlet,
+    Outlet,
+    address,
+    batches,
+    messages_of,
+)
 from phil_node.paths import CycleReceiver  # noqa: E402
 
 NUMBERS = count()
@@ -123,25 +135,59 @@ def test_sender_that_goes_is_linked_again_when_it_comes_back(linked: Any) -> Non
     again.close()
 
 
-def test_peer_that_does_not_read_costs_its_own_messages_and_no_time() -> None:
-    """Beyond the queue they are dropped and counted; a peer that is gone is forgotten."""
+def test_peer_that_is_held_up_gets_all_in_order_afterwards_and_costs_no_time() -> None:
+    """What the kernel has no room for waits; a peer that reads meanwhile has each at once; who is gone is forgotten."""
     where = name()
     outlet, stopped, reading = Outlet(where), Inlet(where), Inlet(where)
     assert stopped.connect() and reading.connect()
     outlet.accept()
-    data = bytes(2000)
-    sent = 4 * QUEUE // len(data)
-    read = 0
-    for _ in range(sent):
+    sent = 2 * QUEUE // 2000
+    for number in range(sent):
+        data = number.to_bytes(4, "little") * 500
         outlet.send(data)
-        read += reading.receive() == data
-    assert read == sent
-    assert 0 < outlet.dropped < sent
+        assert reading.receive() == data
+    got = []
+    while len(got) < sent:
+        while (data := stopped.receive()) is not None:
+            got.append(int.from_bytes(data[:4], "little"))
+        outlet.go_on()
+    assert got == list(range(sent)) and outlet.dropped == 0
     stopped.close()
     outlet.send(data)
     assert len(outlet.peers) == 1
     reading.close()
     outlet.close()
+
+
+def test_peer_that_stands_loses_the_oldest_and_they_are_counted() -> None:
+    where = name()
+    outlet, stopped = Outlet(where), Inlet(where)
+    assert stopped.connect()
+    outlet.accept()
+    data = bytes(20_000)
+    sent = WAITING + 4 * QUEUE // len(data)
+    for _ in range(sent):
+        outlet.send(data)
+    assert 0 < outlet.dropped <= 4 * QUEUE // len(data)
+    stopped.close()
+    outlet.send(data)
+    assert not outlet.peers and outlet.dropped > 0
+    outlet.close()
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 2**32 - 1), st.binary(max_size=40_000)), max_size=8))
+def test_batches_hold_all_messages_in_their_order(messages: list[tuple[int, int, bytes]]) -> None:
+    """Whatever their sizes: together again they are what went in, and no batch is much longer than it should be."""
+    made = batches(messages)
+    assert [message for batch in made for message in messages_of(batch)] == messages
+    assert all(len(batch) <= BATCH + 40_000 + RECORD.size for batch in made)
+
+
+@given(st.binary(min_size=1, max_size=300), st.integers(1, 300))
+def test_batch_that_is_cut_off_is_refused(data: bytes, cut: int) -> None:
+    (batch,) = batches([(1, 2, data)])
+    with pytest.raises(ValueError, match="cut off"):
+        messages_of(batch[: max(1, len(batch) - cut)])
 
 
 def test_second_sender_of_a_topic_has_no_link() -> None:

@@ -114,13 +114,8 @@ class Speaker:
     def __init__(self) -> None:
         self.sent: list[tuple[bytes, str]] = []
         self.found = Diagnosis()
-        self.reporter = Reporter(self, lambda: self.found, lambda: (self.found.level,), lambda: 0)  # type: ignore[arg-type]
-
-    def get_fully_qualified_name(self) -> str:
-        return "/rig_a/test_rig_sim"
-
-    def create_publisher(self, *_: object) -> Any:
-        return SimpleNamespace(publish=self._take)
+        name = "/rig_a/test_rig_sim"
+        self.reporter = Reporter(name, self._take, lambda: self.found, lambda: (self.found.level,), lambda: 0)
 
     def _take(self, message: Any) -> None:
         (status,) = message.status

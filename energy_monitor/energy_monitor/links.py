@@ -1,0 +1,114 @@
+"""Following topics by the links of their senders: what nodes on this machine publish comes without DDS."""
+
+from __future__ import annotations
+
+import select
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from time import sleep
+
+from phil_node.link import Inlet, address, messages_of
+
+LOOK = 0.05
+"""Time in s from one look for senders that have come to the next."""
+PAUSE = 0.004
+"""Time in s that is left for more to come: one look for several messages costs a fraction."""
+REMEMBERED = 5000
+"""Messages back for which it is known that they came already by the other way."""
+
+
+class Ways:
+    """Takes each message of a topic once, if it comes by the link and by DDS as well."""
+
+    def __init__(self, take: Callable[[bytes], None]) -> None:
+        self._take = take
+        self._lock = threading.Lock()
+        self._by_link: OrderedDict[int, None] = OrderedDict()
+        self._by_topic: OrderedDict[int, None] = OrderedDict()
+
+    def by_link(self, data: bytes) -> None:
+        """Take a message that came by the link."""
+        self._once(data, self._by_link, self._by_topic)
+
+    def by_topic(self, data: bytes) -> None:
+        """Take a message that came by DDS."""
+        self._once(data, self._by_topic, self._by_link)
+
+    def _once(self, data: bytes, mine: OrderedDict[int, None], other: OrderedDict[int, None]) -> None:
+        digest = hash(data)
+        with self._lock:
+            if digest in other:
+                del other[digest]
+                return
+            mine[digest] = None
+            if len(mine) > REMEMBERED:
+                mine.popitem(last=False)
+            self._take(data)
+
+
+class Followed:
+    """A topic that is followed whenever its sender is on this machine."""
+
+    def __init__(self, domain: int, name: str, take: Callable[[bytes], None], lost: Callable[[int], None]) -> None:
+        self.inlet = Inlet(address(domain, name, followed=True))
+        self.ways = Ways(take)
+        self._lost = lost
+        self._number = 0
+
+    @property
+    def linked(self) -> bool:
+        """Tell whether the sender is linked."""
+        return self.inlet.socket is not None
+
+    def connect(self) -> bool:
+        """Link the sender if there is one; tell whether it is new. Its numbers begin anew."""
+        new = self.inlet.connect()
+        if new:
+            self._number = 0
+        return new
+
+    def drain(self) -> None:
+        """Take all that is there."""
+        while data := self.inlet.receive():
+            for _, number, message in messages_of(data):
+                if self._number and number > self._number + 1:
+                    self._lost(number - self._number - 1)
+                self._number = number
+                self.ways.by_link(message)
+
+
+class Links:
+    """A thread that takes what comes by links."""
+
+    def __init__(self) -> None:
+        self._followed: list[Followed] = []
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name="links", daemon=True)
+        self._thread.start()
+
+    def follow(self, followed: Followed) -> bool:
+        """Follow a topic from now on; tell whether its sender is linked."""
+        followed.connect()
+        self._followed = [*self._followed, followed]
+        return followed.linked
+
+    def close(self) -> None:
+        """End, and leave all senders."""
+        self._running = False
+        self._thread.join()
+        for each in self._followed:
+            each.inlet.close()
+
+    def _run(self) -> None:
+        while self._running:
+            for each in self._followed:
+                each.connect()
+            open_ = {each.inlet.socket.fileno(): each for each in self._followed if each.inlet.socket is not None}
+            if not open_:
+                sleep(LOOK)
+                continue
+            ready, _, _ = select.select(list(open_), [], [], LOOK)
+            for file in ready:
+                open_[file].drain()
+            sleep(PAUSE)

@@ -1,0 +1,237 @@
+"""The node's end of the process that speaks and listens on its topics (`phil_node.topics_process`)."""
+
+from __future__ import annotations
+
+import pickle
+import select
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from importlib import import_module
+from time import monotonic
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from phil_node.link import LONGEST, Message, Peer, batches, messages_of
+
+MESSAGES, COMMAND, ACKNOWLEDGED = 0, 1, 2
+"""First byte of what goes between the two processes."""
+
+Command = tuple[Any, ...]
+Counts = dict[int, int]
+Kind = tuple[str, str]
+Profile = tuple[int, int, int, int]
+
+END = 2.0
+"""Time in s that the process has to end when it is left."""
+
+
+def name_of(kind: Any) -> Kind:
+    """Give module and name of a class of messages."""
+    return kind.__module__.rsplit(".", 1)[0] if "._" in kind.__module__ else kind.__module__, kind.__name__
+
+
+def kind_of(name: Kind) -> Any:
+    """Give the class of messages of `name_of`."""
+    return getattr(import_module(name[0]), name[1])
+
+
+def policies_of(profile: QoSProfile) -> Profile:
+    """Give what is different among the profiles of this package's topics, as numbers."""
+    return profile.history.value, profile.depth, profile.reliability.value, profile.durability.value
+
+
+def profile_of(policies: Profile) -> QoSProfile:
+    """Give the profile of `policies_of`."""
+    history, depth, reliability, durability = policies
+    return QoSProfile(
+        history=HistoryPolicy(history),
+        depth=depth,
+        reliability=ReliabilityPolicy(reliability),
+        durability=DurabilityPolicy(durability),
+    )
+
+
+class TopicsProcess:
+    """Starts the process, tells it what to speak and listen on, and hands messages over both ways.
+
+    A process that is killed is started again by `revive`, with all that it was told; what it had not published is lost
+    for those who listen by DDS, and for nobody else.
+    """
+
+    def __init__(self) -> None:
+        """Start it; it gets ready while the node does."""
+        self.lock = threading.Lock()
+        self.counts: Counts = {}
+        self.deaths = 0
+        self._entries: dict[int, Command] = {}
+        self._states: dict[str, Command] = {}
+        self._ears: dict[int, Callable[[bytes], None]] = {}
+        self._next = 1
+        self._room = memoryview(bytearray(LONGEST))
+        self._hello: Command | None = None
+        self._start()
+
+    def _start(self) -> None:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            self._child = subprocess.Popen(
+                [sys.executable, "-m", "phil_node.topics_process", str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,
+            )
+        ours.setblocking(False)
+        self._connection = ours
+        self._peer = Peer(ours)
+
+    @property
+    def file(self) -> int:
+        """Give the file by which it speaks."""
+        return self._connection.fileno()
+
+    @property
+    def pid(self) -> int:
+        """Give the process id."""
+        return self._child.pid
+
+    @property
+    def dropped(self) -> int:
+        """Give the number of batches that it could not take any more."""
+        return self._peer.dropped
+
+    @property
+    def behind(self) -> bool:
+        """Tell whether something waits to be handed over."""
+        return bool(self._peer.waiting)
+
+    @property
+    def gone(self) -> bool:
+        """Tell whether the process is over."""
+        return self._peer.gone or self._child.poll() is not None
+
+    def name(self, node: str, namespace: str) -> None:
+        """Tell whose process it is; the first thing to be said."""
+        self._hello = ("name", node, namespace)
+        self._tell(self._hello)
+
+    def speak(self, kind: Any, name: str, profile: QoSProfile) -> int:
+        """Have a publisher made on a topic (full name); give its number."""
+        return self._enter(("publish", self._number(), name_of(kind), name, policies_of(profile)))
+
+    def hear(self, kind: Any, name: str, profile: QoSProfile, callback: Callable[[bytes], None]) -> int:
+        """Have a topic (full name) listened to, unless it is linked; give its number. Messages come by `receive`."""
+        number = self._number()
+        self._ears[number] = callback
+        return self._enter(("listen", number, name_of(kind), name, policies_of(profile)))
+
+    def drop(self, number: int) -> None:
+        """End a publisher or a subscription."""
+        self._entries.pop(number, None)
+        self._states.pop(f"linked {number}", None)
+        self._ears.pop(number, None)
+        self._tell(("drop", number))
+
+    def linked(self, number: int, yes: bool) -> None:
+        """Tell whether the sender of a topic that is listened to is linked."""
+        self._state(f"linked {number}", ("linked", number, yes))
+
+    def active(self, yes: bool) -> None:
+        """Tell whether the node takes messages."""
+        self._state("active", ("active", yes))
+
+    def schedule(self, priority: int) -> None:
+        """Have its threads scheduled by SCHED_FIFO, and messages handed over at once; 0: neither."""
+        if self._states.get("schedule") != ("schedule", priority):
+            self._state("schedule", ("schedule", priority))
+
+    def publish(self, messages: Iterable[Message]) -> None:
+        """Have messages (CDR) published, each by the publisher of its number."""
+        with self.lock:
+            for batch in batches(messages):
+                self._peer.send(bytes([MESSAGES]) + batch)
+
+    def go_on(self) -> None:
+        """Hand over what had to wait."""
+        if self._peer.waiting:
+            with self.lock:
+                self._peer.go_on()
+
+    def receive(self) -> bool:
+        """Take all that came: call back with what was heard, keep what was counted; False if the process is gone."""
+        while True:
+            try:
+                size = self._connection.recv_into(self._room)
+            except BlockingIOError:
+                return True
+            except OSError:
+                size = 0
+            if not size:
+                return False
+            self._take(self._room[0], bytes(self._room[1:size]))
+
+    def acknowledged(self, seconds: float) -> None:
+        """Wait until those who listen have all that was published, at most ``seconds``; no other thread may receive."""
+        end = monotonic() + seconds
+        self._answered = False
+        self._tell(("acknowledge", seconds))
+        while not self._answered and monotonic() < end and not self.gone:
+            self.go_on()
+            select.select([self._connection], [], [], min(0.05, seconds))
+            if not self.receive():
+                return
+
+    def revive(self) -> None:
+        """Start it again after it was killed, and tell it all anew."""
+        self.deaths += 1
+        with self.lock:
+            self._peer.close()
+        with suppress(subprocess.TimeoutExpired):
+            self._child.wait(0.1)
+        self.counts = {}
+        self._start()
+        for command in (self._hello, *self._entries.values(), *self._states.values()):
+            if command is not None:
+                self._tell(command)
+
+    def close(self) -> None:
+        """Leave it: it ends by itself, or is ended."""
+        with self.lock:
+            self._peer.close()
+        try:
+            self._child.wait(END)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.wait()
+
+    def _number(self) -> int:
+        self._next += 1
+        return self._next
+
+    def _enter(self, command: Command) -> int:
+        self._entries[command[1]] = command
+        self._tell(command)
+        return int(command[1])
+
+    def _state(self, key: str, command: Command) -> None:
+        self._states[key] = command
+        self._tell(command)
+
+    def _tell(self, command: Command) -> None:
+        with self.lock:
+            self._peer.send(bytes([COMMAND]) + pickle.dumps(command))
+
+    def _take(self, sort: int, content: bytes) -> None:
+        if sort == MESSAGES:
+            for index, _, data in messages_of(content):
+                callback = self._ears.get(index)
+                if callback is not None:
+                    callback(data)
+        elif sort == ACKNOWLEDGED:
+            self._answered = True
+        elif sort == COMMAND:
+            self.counts = pickle.loads(content)[1]  # from the process that this one started
