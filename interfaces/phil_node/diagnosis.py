@@ -63,7 +63,7 @@ class Reporter:
         signs: Callable[[], tuple[object, ...]],
         stamp: Callable[[], int],
     ) -> None:
-        """Take the node's full name, who publishes, what to say, signs of a change, looked at often, and the time in ns."""
+        """Take the node's full name, who publishes, what to say, signs of a change, and what gives the time in ns."""
         # Two rigs in namespaces share the topic: the whole name tells whose status this is.
         self._status = DiagnosticStatus(name=f"{name}: cycle", hardware_id=name)
         self._message = DiagnosticArray(status=[self._status])

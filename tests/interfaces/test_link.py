@@ -153,7 +153,7 @@ def test_peer_that_is_held_up_gets_all_in_order_afterwards_and_costs_no_time() -
         outlet.go_on()
     assert got == list(range(sent)) and outlet.dropped == 0
     stopped.close()
-    outlet.send(data)
+    outlet.send(b"gone")
     assert len(outlet.peers) == 1
     reading.close()
     outlet.close()
