@@ -19,6 +19,7 @@ from energy_monitor.command_line import UNUSABLE, Parser, seconds
 from energy_monitor.listening import RideRecorder
 from energy_monitor.topics import RECORDED
 from energy_monitor.watch import Watch
+from phil_node.memory import lean_heap
 from phil_node.surroundings import leave_if_unusable
 
 EAGER = 30.0
@@ -168,6 +169,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(number, lambda got, _frame: asked.append(got))
 
     leave_if_unusable()
+    lean_heap()
     # Loading ROS takes a while: the handlers above must already stand.
     import rclpy
     from rclpy.signals import SignalHandlerOptions
@@ -214,6 +216,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         node = rclpy.create_node(
             "ride_recorder", namespace=options.namespace, enable_rosout=False, start_parameter_services=False
         )
+        for publisher in list(node.publishers):  # of parameters, with events of DDS
+            node.destroy_publisher(publisher)
         recorder = RideRecorder(node, sink, topics, expected, options.all)
         try:
             _record(node, recorder, sink, options, asked)

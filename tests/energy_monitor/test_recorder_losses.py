@@ -85,6 +85,11 @@ def test_a_middleware_that_does_not_count_is_told():
     assert not numbers.unsettled and not numbers.counted and len(taken) == 3
 
 
+class Sink:
+    def add(self, channel):
+        return lambda data: None
+
+
 class Recorded:
     refused, undefined, absent = {}, {}, []
 
@@ -105,17 +110,16 @@ def test_real_messages_are_numbered_by_each_publisher_and_overwritten_ones_are_f
     import rclpy
     from rclpy.context import Context
     from rclpy.executors import SingleThreadedExecutor
+    from rclpy.experimental import EventsExecutor
     from rclpy.qos import QoSProfile
     from std_msgs.msg import Int64
 
-    from energy_monitor.listening import identities
-    from phil_node.executor import events_executor, with_info
+    from energy_monitor.listening import RideRecorder, identities
+    from phil_node.executor import with_info
 
     context = Context()
     rclpy.init(context=context)
     node = rclpy.create_node("numbers", context=context, enable_rosout=False, start_parameter_services=False)
-    from rclpy.experimental import EventsExecutor
-
     try:
         for number, make in enumerate((SingleThreadedExecutor, EventsExecutor)):
             executor, topic = make(context=context), f"numbers_{number}"
@@ -148,7 +152,12 @@ def test_real_messages_are_numbered_by_each_publisher_and_overwritten_ones_are_f
             assert len(taken) == 12 and numbers.settle(identities(node.get_publishers_info_by_topic(topic))) == 20
             executor.remove_node(node)
             executor.shutdown()
-        assert events_executor is not None
+        events = set(node.waitables)
+        recorder = RideRecorder(node, Sink(), ["numbers_1"], [], False)
+        recorder.discover()
+        recorder.count_losses()
+        assert [channel.topic for channel in recorder.channels] == ["/numbers_1"] and recorder.channels[0].counted
+        assert set(node.waitables) == events  # what the middleware would lock itself with
     finally:
         node.destroy_node()
         rclpy.shutdown(context=context)
