@@ -16,6 +16,13 @@ AGAIN = 0.1
 """s between two looks while the recorder has to act."""
 
 
+def closed(pipe: int) -> bool:
+    """Tell whether the other end of a pipe is closed."""
+    look = select.poll()
+    look.register(pipe, select.POLLIN)
+    return bool(dict(look.poll(0)).get(pipe, 0) & select.POLLHUP)
+
+
 def stays(pipe: int, seconds: float) -> bool:
     """Tell whether what stands in a pipe is still there after so many s; not if its other end is closed."""
     look = select.poll()

@@ -27,6 +27,8 @@ PATIENCE = 4.0
 """s from a signal after which the main thread counts as hanging: longer than what still comes is waited for."""
 LAST = 6.0
 """s after which the process is killed from outside."""
+GOING = 1.0
+"""s that the guardian may take to go."""
 
 
 class Watch:
@@ -59,6 +61,10 @@ class Watch:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.calm()
+        self._leave()
+        if self._guardian is not None:
+            with suppress(subprocess.TimeoutExpired):
+                self._guardian.wait(GOING)
 
     def arm(self) -> None:
         """Begin the time that the main thread has for what comes now, without a signal."""
@@ -74,9 +80,14 @@ class Watch:
     def _watch(self) -> None:
         while True:
             select.select([self._read], [], [])
+            if guardian.closed(self._read):
+                return
             if guardian.stays(self._read, PATIENCE):
-                # From now on nobody waits for the main thread: to the guardian this process is gone.
-                with open(os.devnull, "wb") as nothing:  # noqa: PTH123 - a file number is all that counts
-                    os.dup2(nothing.fileno(), self._write)
+                self._leave()  # from now on nobody waits for the main thread
                 self._rescue()
                 return
+
+    def _leave(self) -> None:
+        """Close the pipe, whose number stays in use: to the guardian this process is gone."""
+        with open(os.devnull, "wb") as nothing:  # noqa: PTH123 - a file number is all that counts
+            os.dup2(nothing.fileno(), self._write)
