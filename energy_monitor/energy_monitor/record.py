@@ -8,22 +8,20 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
-from importlib import import_module
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any, TextIO
 
 from energy_monitor.command_line import UNUSABLE, Parser, seconds
-from energy_monitor.links import Followed, Links
+from energy_monitor.listening import RideRecorder
 from energy_monitor.topics import RECORDED
+from energy_monitor.watch import Watch
+from phil_node.memory import lean_heap
 from phil_node.surroundings import leave_if_unusable
 
-DEPTH = 5000
-"""Messages a topic that may wait for the recorder: 10 s at 500 Hz, so that a ride at full speed loses nothing."""
-SETTLE = 0.3
-"""s from the last match until the recorder calls itself ready: the publishers' side learns of it a little later."""
 EAGER = 30.0
 """s from the start in which new topics are looked for five times a second, then once a second."""
 QUIET = 0.3
@@ -31,14 +29,15 @@ QUIET = 0.3
 LOOK = 0.05
 """s between two looks at signals, clock and graph; messages are taken as they come."""
 STEADY_LOOK = 0.2
-"""The same once all topics are found: rclpy's events executor keeps 32 bytes of each such turn for good."""
-GRACE = 0.5
-"""s that a link has to come again, before its topic is listened to by DDS."""
+"""The same once messages come and nobody waits for the recorder."""
+COUNT = 1.0
+"""s between two looks at what gaps in the numbers of messages mean."""
 DRAIN = 2.0
 """s after which the recording ends although messages still come."""
 
 DISK_FULL = 3
 """Exit code for a disk that is full: there may be no room to write that down."""
+HANGS = "receiving hangs, and was given up: the bag is whole, with what had come by then"
 ROOM = "; make room: what was written up to then is kept, and scripts/analyze.sh reads it"
 
 _NAME = r"[A-Za-z_][A-Za-z0-9_]*"
@@ -51,8 +50,10 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = Parser(
         prog="scripts/record.sh",
         description="Record a running ride into an MCAP bag.",
-        epilog="Exit code: 0 the bag is whole, 1 writing failed or messages were lost, 2 the command line is wrong, "
-        "3 the disk is full.",
+        epilog="Lost messages are counted by the numbers that a publisher gives its messages: gaps between the first "
+        "and the last that came, while the topic has one publisher. "
+        "Exit code: 0 the bag is whole, 1 writing failed, messages were lost or receiving hung, 2 the command line is "
+        "wrong, 3 the disk is full.",
     )
     parser.add_argument("--out", type=Path, help="folder of the bag, must not exist (default: ride_DATE_TIME)")
     parser.add_argument("--all", action="store_true", help="record every topic, also those that appear later")
@@ -123,162 +124,6 @@ def look_period(elapsed: float, waiting: bool) -> float:
     return 0.1 if waiting else 0.2 if elapsed < EAGER else 1.0
 
 
-class RideRecorder:
-    """Finds topics, subscribes to them as their publishers offer them, and hands every message to a sink."""
-
-    def __init__(self, node: Any, sink: Any, topics: Sequence[str], expected: Sequence[str], every_topic: bool) -> None:
-        """Record ``topics`` (and all others if ``every_topic``) of the node's graph; be ready with the ``expected``."""
-        self._node = node
-        self._sink = sink
-        self._wanted = {node.resolve_topic_name(name) for name in topics}
-        self._expected = {node.resolve_topic_name(name) for name in expected}
-        self._every_topic = every_topic
-        self._subscriptions: dict[str, Any] = {}
-        self._followed: dict[str, Followed] = {}
-        self._alone_since: dict[str, float] = {}
-        self._kinds: dict[str, Any] = {}
-        self._channels: dict[str, Any] = {}
-        self._links = Links()
-        self.channels: list[Any] = []
-        self.refused: dict[str, str] = {}
-        self.undefined: dict[str, str] = {}
-        """Recorded topics whose messages the bag does not explain, and why."""
-        self._matched_since: float | None = None
-
-    def discover(self) -> None:
-        """Subscribe to everything wanted that has a publisher by now."""
-        names = set(self._wanted)
-        if self._every_topic:
-            graph = self._node.get_topic_names_and_types()
-            names |= {name for name, _ in graph if not any(part.startswith("_") for part in name.split("/"))}
-        for name in sorted(names - self._followed.keys() - self.refused.keys()):
-            publishers = self._node.get_publishers_info_by_topic(name)
-            if publishers:
-                self._add(name, publishers)
-        for name in self._followed.keys() - self._subscriptions.keys():
-            self._complete(name, monotonic())
-
-    def ready(self, now: float) -> bool:
-        """Tell whether every expected topic is subscribed and has had a publisher for a while (``now`` in s)."""
-        matched = all(self._reached(name) for name in self._expected)
-        if not matched:
-            self._matched_since = None
-            return False
-        if self._matched_since is None:
-            self._matched_since = now
-        return now - self._matched_since >= SETTLE
-
-    def _reached(self, name: str) -> bool:
-        if name in self._subscriptions:
-            return bool(self._subscriptions[name].get_publisher_count() > 0)
-        return name in self._followed and self._followed[name].linked
-
-    @property
-    def complete(self) -> bool:
-        """True when there is nothing left to be found."""
-        return not self._every_topic and self._wanted <= self._followed.keys() | self.refused.keys()
-
-    @property
-    def absent(self) -> list[str]:
-        """Wanted topics that nobody published."""
-        return sorted(self._wanted - self._followed.keys() - self.refused.keys())
-
-    def _add(self, name: str, publishers: Sequence[Any]) -> None:
-        """Enter a topic into the bag; follow its sender if it is on this machine."""
-        from energy_monitor.definitions import definition_of
-        from energy_monitor.recorder import Channel
-
-        kind = publishers[0].topic_type
-        try:
-            package, namespace, short = kind.split("/")
-            self._kinds[name] = getattr(import_module(f"{package}.{namespace}"), short)
-        except (ImportError, AttributeError, ValueError) as error:
-            self.refused[name] = f"type {kind} is not installed ({error})"
-            return
-        definition = definition_of(kind, str(publishers[0].topic_type_hash))
-        if definition.problem:
-            self.undefined[name] = definition.problem
-        channel = Channel(name, kind, definition, [offered(info.qos_profile) for info in publishers])
-        self._channels[name] = channel
-
-        def lost(count: int) -> None:
-            channel.lost += count
-
-        followed = Followed(self._node.context.get_domain_id(), name, self._sink.add(channel), lost)
-        self._followed[name] = followed
-        self.channels.append(channel)
-        if not self._links.follow(followed):
-            self._subscribe(name)
-
-    def _complete(self, name: str, now: float) -> None:
-        """Listen by DDS as well unless the only sender is linked: to one of another machine, or to a second one."""
-        speakers = self._node.count_publishers(name)
-        if not speakers or (self._followed[name].linked and speakers == 1):
-            self._alone_since.pop(name, None)
-        elif now - self._alone_since.setdefault(name, now) >= GRACE:
-            self._subscribe(name)
-
-    def _subscribe(self, name: str) -> None:
-        from rclpy.event_handler import SubscriptionEventCallbacks
-
-        channel = self._channels[name]
-
-        def lost(status: Any) -> None:
-            channel.lost += status.total_count_change
-
-        self._subscriptions[name] = self._node.create_subscription(
-            self._kinds[name],
-            name,
-            self._followed[name].ways.by_topic,
-            matching(self._node.get_publishers_info_by_topic(name), late=bool(channel.messages)),
-            raw=True,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
-        )
-
-    def close(self) -> None:
-        """Leave all senders."""
-        self._links.close()
-
-
-def matching(publishers: Sequence[Any], late: bool = False) -> Any:
-    """Ask for what all publishers of a topic offer: reliable, transient local if every one of them is.
-
-    Who is ``late``, and has had what was kept by another way, asks for what comes from now on.
-    """
-    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-
-    profiles = [info.qos_profile for info in publishers]
-    reliable = all(profile.reliability == ReliabilityPolicy.RELIABLE for profile in profiles)
-    latched = not late and all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
-
-
-def offered(profile: Any) -> Any:
-    """Translate a publisher's QoS for the bag, so that a player can offer the same."""
-    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-
-    def duration(value: Any) -> QosTime:
-        seconds, nanoseconds = divmod(value.nanoseconds, 10**9)
-        return QosTime(seconds, nanoseconds)
-
-    return Qos(
-        history=getattr(QosHistory, profile.history.name, QosHistory.UNKNOWN),
-        depth=profile.depth,
-        reliability=getattr(QosReliability, profile.reliability.name, QosReliability.UNKNOWN),
-        durability=getattr(QosDurability, profile.durability.name, QosDurability.UNKNOWN),
-        deadline=duration(profile.deadline),
-        lifespan=duration(profile.lifespan),
-        liveliness=getattr(QosLiveliness, profile.liveliness.name, QosLiveliness.UNKNOWN),
-        liveliness_lease_duration=duration(profile.liveliness_lease_duration),
-        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
-    )
-
-
 def announce(file: Path, topics: Sequence[str]) -> None:
     """Create the ready file at once and whole."""
     draft = file.with_name(f".{file.name}.{os.getpid()}")
@@ -294,6 +139,10 @@ def summary(recorder: RideRecorder, path: Path, seconds: float) -> str:
     rows += [f"{'-':>10} {'-':>10} {'-':>6}  {name}  refused: {why}" for name, why in sorted(recorder.refused.items())]
     rows += [f"{0:>10} {'-':>10} {'-':>6}  {name}  never published" for name in recorder.absent]
     rows += [f"{name} is recorded without its definition: {why}" for name, why in sorted(recorder.undefined.items())]
+    if uncounted := [channel.topic for channel in channels if not channel.counted]:
+        rows.append(
+            f"lost messages were not counted while another publisher than one alone was there: {', '.join(uncounted)}"
+        )
     total = sum(channel.messages for channel in channels)
     lost = sum(channel.lost for channel in channels)
     rows.append(f"{path}: {total} messages in {seconds:.1f} s, {lost} lost")
@@ -320,6 +169,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(number, lambda got, _frame: asked.append(got))
 
     leave_if_unusable()
+    lean_heap()
     # Loading ROS takes a while: the handlers above must already stand.
     import rclpy
     from rclpy.signals import SignalHandlerOptions
@@ -336,32 +186,51 @@ def main(argv: Sequence[str] | None = None) -> int:
         said = f"{error.filename or path}: {error.strerror or error}" if isinstance(error, OSError) else error
         say(f"record: {said}", sys.stderr)
         return DISK_FULL if getattr(error, "errno", None) in NO_ROOM else 1
-    rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node(
-        "ride_recorder", namespace=options.namespace, enable_rosout=False, start_parameter_services=False
-    )
-    recorder = RideRecorder(node, sink, topics, expected, options.all)
     began = monotonic()
+    recorder: RideRecorder | None = None
     unready: OSError | None = None
-    try:
-        _record(node, recorder, sink, options, asked)
-    except OSError as error:  # the ready file
-        unready = error
-    finally:
+
+    def outcome(hangs: str = "") -> int:
+        """Close the bag, and say what is in it."""
         duration = monotonic() - began
-        recorder.close()
-        node.destroy_node()
-        rclpy.try_shutdown()
         failure = closed(sink) or unready
-    if failure is not None:
-        full = failure.errno in NO_ROOM
-        say(f"record: {failure.strerror or failure}{ROOM if full else ''}", sys.stderr)
-        return DISK_FULL if full else 1
-    say(summary(recorder, path, duration), sys.stdout)
-    if gaps := complaint(recorder.channels):
-        say(f"record: {gaps}", sys.stderr)
-        return 1
-    return 0
+        if failure is not None:
+            full = failure.errno in NO_ROOM
+            say(f"record: {failure.strerror or failure}{ROOM if full else ''}", sys.stderr)
+            return DISK_FULL if full else 1
+        if recorder is not None:
+            say(summary(recorder, path, duration), sys.stdout)
+            if gaps := complaint(recorder.channels):
+                hangs = hangs or gaps
+        if hangs:
+            say(f"record: {hangs}", sys.stderr)
+        return 1 if hangs else 0
+
+    code: int | None = None
+
+    def rescue() -> None:
+        os._exit(outcome(HANGS) if code is None else code)
+
+    with Watch(rescue) as watch:
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+        node = rclpy.create_node(
+            "ride_recorder", namespace=options.namespace, enable_rosout=False, start_parameter_services=False
+        )
+        for publisher in list(node.publishers):  # of parameters, with events of DDS
+            node.destroy_publisher(publisher)
+        recorder = RideRecorder(node, sink, topics, expected, options.all)
+        try:
+            _record(node, recorder, sink, options, asked)
+        except OSError as error:  # the ready file
+            unready = error
+        finally:
+            watch.calm()  # the bag takes the time that it needs
+            code = outcome()
+            watch.arm()
+            recorder.close()
+            node.destroy_node()
+            rclpy.try_shutdown()
+    return code
 
 
 def recovered(bag: Path, out: Path | None) -> int:
@@ -398,62 +267,105 @@ def say(text: str, stream: TextIO) -> None:
 
 
 def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Namespace, asked: list[int]) -> None:
-    from rclpy.task import Future
+    from rclpy.clock import Clock, ClockType
 
-    from phil_node.executor import events_executor
+    from phil_node.executor import LONG, events_executor
     from phil_node.scheduling import go_first
 
     # A ride that was granted real-time scheduling would starve a recorder without it, and the bag would have gaps.
     go_first([os.getpid()])
-    never = Future()
     executor = events_executor()
     executor.add_node(node)
     gc.collect()
     gc.freeze()
     gc.disable()
-    began = looked = said = monotonic()
-    looked -= 1.0
-    before = 0
-    first: float | None = None
-    waiting = options.ready_file is not None
-    show = sys.stdout.isatty()
-    while not asked and sink.error is None:
-        executor.spin_until_future_complete(never, timeout_sec=STEADY_LOOK if first and not waiting else LOOK)
-        now = monotonic()
-        if now - looked >= (1.0 if recorder.complete else look_period(now - began, waiting)):
-            looked = now
-            recorder.discover()
-        if waiting and recorder.ready(now):
-            announce(options.ready_file, [channel.topic for channel in recorder.channels])
-            waiting = False
-        if show and now - said >= 1.0:
-            count = sink.received
-            print(f"{now - began:7.1f} s  {count:>9} messages  {(count - before) / (now - said):8.0f} /s", flush=True)
-            said, before = now, count
-        if first is None and sink.received:
-            first = now
-        if first is not None and 0.0 < options.duration <= now - first:
-            break
-    else:
-        _drain(executor, sink, asked)
+    turns = Turns(recorder, sink, options, asked)
+    # A timer, and one long turn of the executor: rclpy's events executor keeps 32 bytes of each turn for good.
+    timer = node.create_timer(LOOK, turns.take, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    turns.pace = partial(setattr, timer, "timer_period_ns")
+    while not turns.done.done():
+        executor.spin_until_future_complete(turns.done, timeout_sec=LONG)
     executor.shutdown()
+    recorder.count_losses()
+    if turns.failure is not None:
+        raise turns.failure
 
 
-def _drain(executor: Any, sink: Any, asked: list[int]) -> None:
-    """Take what is still on its way: the recorder is often asked to end together with the nodes."""
-    from rclpy.task import Future
+class Turns:
+    """What a recorder does beside taking messages, from time to time: `take` is called by a timer, until `done`."""
 
-    never = Future()
-    deadline = monotonic() + DRAIN
-    quiet_since, count = monotonic(), sink.received
-    # A second signal ends it at once.
-    while len(asked) < 2 and sink.error is None:
-        executor.spin_until_future_complete(never, timeout_sec=LOOK)
-        now = monotonic()
-        if sink.received != count:
-            quiet_since, count = now, sink.received
-        if now - quiet_since >= QUIET or now >= deadline:
-            break
+    def __init__(self, recorder: Any, sink: Any, options: argparse.Namespace, asked: list[int]) -> None:
+        from rclpy.task import Future
+
+        self.done = Future()
+        self.failure: Exception | None = None
+        self.pace: Callable[[int], None] = lambda period: None
+        """Sets the time in ns between two turns."""
+        self._recorder, self._sink, self._options, self._asked = recorder, sink, options, asked
+        self._began = self._said = self._counted = monotonic()
+        self._looked = self._began - 1.0
+        self._before = 0
+        self._first: float | None = None
+        self._waiting = options.ready_file is not None
+        self._show = sys.stdout.isatty()
+        self._drain: Drain | None = None
+
+    def take(self) -> None:
+        """Do what is due; complete `done` when the recording is over or has failed."""
+        if self.done.done():
+            return
+        try:
+            over = self._look(monotonic())
+        except Exception as error:  # rclpy would lose what it was
+            self.failure, over = error, True
+        if over:
+            self.done.set_result(None)
+
+    def _look(self, now: float) -> bool:
+        """Give whether the recording is over."""
+        if self._sink.error is not None:
+            return True
+        if self._asked:
+            if self._drain is None:
+                self._drain = Drain(now, self._sink.received)
+                self.pace(round(LOOK * 1e9))
+            return self._drain.over(now, self._sink.received, len(self._asked))
+        recorder = self._recorder
+        period = COUNT if recorder.complete else look_period(now - self._began, self._waiting)
+        if now - self._looked >= period:
+            self._looked = now
+            recorder.discover()
+        if self._waiting and recorder.ready(now):
+            announce(self._options.ready_file, [channel.topic for channel in recorder.channels])
+            self._waiting = False
+        if now - self._counted >= COUNT:
+            self._counted = now
+            recorder.count_losses()
+        if self._show and now - self._said >= 1.0:
+            count = self._sink.received
+            rate = (count - self._before) / (now - self._said)
+            print(f"{now - self._began:7.1f} s  {count:>9} messages  {rate:8.0f} /s", flush=True)
+            self._said, self._before = now, count
+        if self._first is None and self._sink.received:
+            self._first = now
+        if self._first is not None and not self._waiting:
+            self.pace(round(STEADY_LOOK * 1e9))
+        return self._first is not None and 0.0 < self._options.duration <= now - self._first
+
+
+class Drain:
+    """Tells how long to take what is still on its way: the recorder is often asked to end together with the nodes."""
+
+    def __init__(self, now: float, received: int) -> None:
+        """Begin at ``now`` in s, when so many messages had come."""
+        self._deadline = now + DRAIN
+        self._quiet_since, self._received = now, received
+
+    def over(self, now: float, received: int, asked: int) -> bool:
+        """Tell whether it is enough, at ``now`` with so many messages; a second signal ends it at once."""
+        if received != self._received:
+            self._quiet_since, self._received = now, received
+        return asked > 1 or now - self._quiet_since >= QUIET or now >= self._deadline
 
 
 if __name__ == "__main__":

@@ -120,7 +120,10 @@ class SteadyWriter(Writer):
 
 @dataclass
 class Channel:
-    """A recorded topic and what came of it; ``lost`` counts what the middleware says it dropped."""
+    """A recorded topic and what came of it.
+
+    ``lost`` counts the gaps in the numbers of its messages, ``counted`` is false if at times they told nothing.
+    """
 
     topic: str
     kind: str
@@ -129,6 +132,7 @@ class Channel:
     messages: int = 0
     bytes: int = 0
     lost: int = 0
+    counted: bool = True
     connection: Connection | None = field(default=None, repr=False)
 
 
@@ -151,6 +155,8 @@ class BagSink:
         self._unsynced = False
         self._queue: deque[tuple[Channel, int, bytes | None]] = deque()
         self._ending = threading.Event()
+        self._closing = threading.Lock()
+        self._closed = False
         self._writer = SteadyWriter(path, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
         self._thread = threading.Thread(target=self._work, name="bag", daemon=True)
@@ -168,13 +174,21 @@ class BagSink:
         return take
 
     def close(self) -> None:
-        """Write what is in the queue, close the bag with index and metadata.
+        """Write what is in the queue, close the bag with index and metadata; once, whichever thread calls it.
 
         Raises
         ------
         OSError
             Writing failed, now or earlier; the bag holds what was written before.
         """
+        with self._closing:
+            if not self._closed:
+                self._close()
+                self._closed = True
+        if self.error is not None:
+            raise OSError(getattr(self.error, "errno", None), f"{self.path}: {self.error}") from self.error
+
+    def _close(self) -> None:
         self._ending.set()
         self._thread.join()
         if self.error is None:
@@ -188,7 +202,6 @@ class BagSink:
             self._writer.abort()
         with suppress(OSError):  # empty or half a file: worse than none
             self._writer.metapath.with_suffix(".yaml.tmp").unlink(missing_ok=True)
-        raise OSError(getattr(self.error, "errno", None), f"{self.path}: {self.error}") from self.error
 
     def _work(self) -> None:
         flushed = monotonic()

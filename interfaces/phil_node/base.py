@@ -33,7 +33,7 @@ from phil_node.outbox import Outbox, Topic
 from phil_node.parameters import Group, ParameterError, defaults, infos, values_of
 from phil_node.paths import CycleReceiver, CycleSender, Follower, Receiver, Sender
 from phil_node.process import RCLError, leave, run
-from phil_node.qos import CYCLE
+from phil_node.qos import CYCLE, NO_PUBLISHER_EVENTS, NO_SUBSCRIPTION_EVENTS
 from phil_node.real_time import FIFO, Granted, apply
 from phil_node.scheduling import CYCLE as CYCLE_PRIORITY
 from phil_node.scheduling import priority_of
@@ -189,7 +189,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
     def _topic(self, kind: Any, name: str, qos: QoSProfile) -> Topic:
         full, process = self.resolve_topic_name(name), self._outbox.process
         if process is None:
-            publisher = self.create_publisher(kind, name, qos)
+            publisher = self.create_publisher(kind, name, qos, event_callbacks=NO_PUBLISHER_EVENTS)
             self._owned.append((self.destroy_publisher, publisher))
         kept = qos.depth if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL else 0
         outlet = Outlet(address(self.context.get_domain_id(), full, followed=True), 0)
@@ -201,7 +201,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
 
     def publish_always(self, kind: Any, name: str, qos: QoSProfile) -> Any:
         """Create a publisher that also speaks while the node is configured but not active (latched data)."""
-        publisher = self.create_publisher(kind, name, qos)
+        publisher = self.create_publisher(kind, name, qos, event_callbacks=NO_PUBLISHER_EVENTS)
         self._owned.append((self.destroy_publisher, publisher))
         return publisher
 
@@ -248,7 +248,9 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             number = process.hear(kind, full, qos, when_active)
             self._owned.append((process.drop, number))
         else:
-            subscription = self.create_subscription(kind, name, when_active, qos, raw=True)
+            subscription = self.create_subscription(
+                kind, name, when_active, qos, raw=True, event_callbacks=NO_SUBSCRIPTION_EVENTS
+            )
             self._owned.append((self.destroy_subscription, subscription))
         self._receivers.append(receiver)
         return receiver

@@ -16,6 +16,8 @@ M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -2, -3, -8
 """Numbers of mallopt(3)."""
 LARGEST_FROM_HEAP = 32 * MIB
 """Largest block that glibc takes from its heap rather than by mmap: its DEFAULT_MMAP_THRESHOLD_MAX."""
+SMALLEST_MAPPED = 128 * 1024
+"""Smallest block that glibc maps by itself, unless its rule raises that: its DEFAULT_MMAP_THRESHOLD_MIN."""
 KEEP = 512 * MIB
 """Free memory at the end of the heap from which glibc gives it back."""
 MADV_POPULATE_WRITE = 23
@@ -83,6 +85,16 @@ def keep_heap(arenas: int) -> Answer:
     if not all(_libc.mallopt(name, value) for name, value in wanted):
         return Answer("as the C library does", "glibc refused mallopt: is another malloc preloaded (LD_PRELOAD)?")
     return Answer("kept" + (f", at most {arenas} arenas" if arenas else ""))
+
+
+def lean_heap() -> bool:
+    """Let malloc have one heap for all threads, and map blocks from 128 KiB on one by one; tell whether it will.
+
+    For a process that writes in large pieces of ever other sizes and that nobody waits for. By its own rule glibc takes
+    such pieces from the heaps as soon as one was freed: these get gaps, and grow for hours. Before threads are started.
+    """
+    wanted = ((M_MMAP_THRESHOLD, SMALLEST_MAPPED), (M_ARENA_MAX, 1))
+    return hasattr(_libc, "mallopt") and all(_libc.mallopt(name, value) for name, value in wanted)
 
 
 def touch_heap(size: int) -> int:

@@ -1,5 +1,6 @@
 """The kinds of topics and their quality of service."""
 
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 CYCLE = QoSProfile(
@@ -37,3 +38,7 @@ VIEW = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
 )
 """Decimated, for people. Offered as reliable so that both kinds of viewers match; no node depends on it."""
+
+NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""No events of DDS, rclpy's own included: while one is taken and the next comes, rmw_fastrtps (8.4.3) locks for ever."""

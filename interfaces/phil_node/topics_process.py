@@ -33,6 +33,7 @@ from rclpy.task import Future
 from phil_node.executor import events_executor
 from phil_node.link import LONGEST, batches, messages_of
 from phil_node.publish import publish_bytes
+from phil_node.qos import NO_PUBLISHER_EVENTS, NO_SUBSCRIPTION_EVENTS
 from phil_node.topics import ACKNOWLEDGED, COMMAND, MESSAGES, Command, Counts, kind_of, profile_of
 
 EVERY = 0.004
@@ -136,7 +137,9 @@ class Topics:
         verb, rest = command[0], command[1:]
         if verb == "publish":
             index, kind, name, profile = rest
-            self._publishers[index] = self._node.create_publisher(kind_of(kind), name, profile_of(profile))
+            self._publishers[index] = self._node.create_publisher(
+                kind_of(kind), name, profile_of(profile), event_callbacks=NO_PUBLISHER_EVENTS
+            )
         elif verb == "listen":
             index, kind, name, profile = rest
             self._ears[index] = Ear(index, name, kind_of(kind), profile_of(profile))
@@ -181,7 +184,12 @@ class Topics:
             alone = ear.linked and self._node.count_publishers(ear.name) <= 1
             if ear.subscription is None and self._active and not alone and (ear.linked or now - ear.since >= GRACE):
                 ear.subscription = self._node.create_subscription(
-                    ear.kind, ear.name, self._hearer(ear.index), ear.profile, raw=True
+                    ear.kind,
+                    ear.name,
+                    self._hearer(ear.index),
+                    ear.profile,
+                    raw=True,
+                    event_callbacks=NO_SUBSCRIPTION_EVENTS,
                 )
             elif ear.subscription is not None and alone and now - ear.since >= 2.0 * GRACE:
                 self._node.destroy_subscription(ear.subscription)

@@ -50,7 +50,7 @@ def carry_out(options: Options) -> int:
     verdicts += judge_lists({"/dev/shm: files that nobody holds and nobody removed": soaked.left})
     found: Records | None = None
     try:
-        found = records(bag, options.cycles)
+        found = records(bag, options.cycles, options.mode == "lockstep")
         verdicts += judge_records(found, options.cycle_time, options.mode == "lockstep")
     except BagError as error:
         verdicts.append(Verdict("bag: cannot be read", 1.0, 0.0, "", str(error)))

@@ -11,9 +11,9 @@ from phil_interfaces.msg import CatenaryState, ConservedQuantities, CycleTiming,
 from rclpy.serialization import deserialize_message
 
 from energy_monitor.audit import Audit
+from energy_monitor.listening import DEPTH
 from energy_monitor.node import DEEP, MonitorNode
 from energy_monitor.parameters import Parameters
-from energy_monitor.record import DEPTH
 from phil_node.cdr import Plan
 from phil_node.parameters import build, defaults
 from phil_node.qos import CYCLE, CYCLE_KEPT

@@ -1,5 +1,8 @@
 """The writing half of the recorder, without ROS."""
 
+import ctypes
+import subprocess
+import sys
 import time
 import tracemalloc
 
@@ -139,3 +142,41 @@ char c
         "mine/msg/Point",
         "geometry_msgs/msg/Twist",
     ]
+
+
+HEAP = """
+import ctypes, threading
+from phil_node.memory import lean_heap
+
+class Info(ctypes.Structure):  # mallinfo2(3)
+    _fields_ = [(name, ctypes.c_size_t) for name in
+                "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()]
+
+c = ctypes.CDLL(None)
+c.mallinfo2.restype, c.malloc.restype, c.malloc.argtypes = Info, ctypes.c_void_p, [ctypes.c_size_t]
+c.free.argtypes = [ctypes.c_void_p]
+{call}
+c.free(c.malloc(20 << 20))  # by its own rule glibc takes blocks up to that size from the heap from now on
+before = c.mallinfo2().hblks
+c.malloc(200 << 10)
+mapped = c.mallinfo2().hblks - before
+found = []
+def elsewhere():
+    found.append(c.malloc(1000))
+thread = threading.Thread(target=elsewhere)
+thread.start()
+thread.join()
+heap = [line.split()[0].split("-") for line in open("/proc/self/maps") if "[heap]" in line]
+print(mapped, any(int(low, 16) <= found[0] < int(high, 16) for low, high in heap))
+"""
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallinfo2"), reason="the C library tells nothing of its heap")
+def test_large_pieces_are_mapped_one_by_one_and_threads_share_one_heap():
+    lines = [
+        subprocess.run(
+            [sys.executable, "-c", HEAP.replace("{call}", call)], capture_output=True, text=True, check=True
+        ).stdout.split()
+        for call in ("lean_heap()", "")
+    ]
+    assert lines == [["1", "True"], ["0", "False"]]
