@@ -6,7 +6,7 @@ import select
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from time import sleep
+from time import monotonic, sleep
 
 from phil_node.link import Inlet, address, messages_of
 
@@ -101,9 +101,12 @@ class Links:
             each.inlet.close()
 
     def _run(self) -> None:
+        looked = 0.0
         while self._running:
-            for each in self._followed:
-                each.connect()
+            if (now := monotonic()) - looked >= LOOK:
+                looked = now
+                for each in self._followed:
+                    each.connect()
             open_ = {each.inlet.socket.fileno(): each for each in self._followed if each.inlet.socket is not None}
             if not open_:
                 sleep(LOOK)

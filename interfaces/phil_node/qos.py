@@ -41,4 +41,4 @@ VIEW = QoSProfile(
 
 NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
-"""No events of DDS, rclpy's own included: while one is taken and the next comes, rmw_fastrtps (8.4.3) locks for ever."""
+"""No events of DDS, rclpy's own included: while one is taken and one more comes, rmw_fastrtps 8.4.3 may hang."""
