@@ -57,6 +57,8 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
         return _refuse(str(error))
     except UnknownROSArgsError as error:
         return _refuse(f"ROS does not know these arguments: {error}")
+    except UnicodeEncodeError:
+        return _refuse("ROS cannot take its arguments: they have letters that are no UTF-8")
     except RCLError as error:
         # Arguments that ROS itself cannot read: a missing parameter file, a malformed remapping.
         return _refuse(PLACES.sub("", str(error).splitlines()[0]))
