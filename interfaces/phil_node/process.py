@@ -15,6 +15,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
+from phil_node.clear_words import clear
 from phil_node.executor import events_executor
 from phil_node.instance import AlreadyRunning, claim
 from phil_node.parameters import ParameterError
@@ -93,7 +94,7 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
 
 
 def _refuse(text: str) -> int:
-    print(text, file=sys.stderr)
+    print(clear(text), file=sys.stderr)
     rclpy.try_shutdown()
     return WRONG
 

@@ -155,7 +155,7 @@ def _mcap(rows: list[tuple[Any, int, bytes]], *, chunks: bool) -> bytes:
     return stream.getvalue()
 
 
-OPTION = r"--[a-z]|^ROS |rcl: |^\S*[./]\S*: ."
+OPTION = r"--[a-z]|^ROS |rcl: |^\S*[./]\S*: .|^.+: cannot be read: "
 """What a line about a command line names: an option, or a file that one names."""
 
 

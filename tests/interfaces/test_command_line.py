@@ -6,6 +6,8 @@ import argparse
 import json
 import math
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -114,6 +116,15 @@ def test_a_parameter_that_a_ride_would_refuse_is_refused_before_it(
     said = refusal(capsys, SCRIPTS[script][0], [*needed, "--out", str(out), "--set", entry])
     assert entry.partition(".")[0] in said
     assert not out.exists()
+
+
+@pytest.mark.parametrize("wrong", [["9" * 5000], ["--params-file", "\x1b[31mred"], ["-p", os.fsdecode(b"\xff:=1")]])
+def test_arguments_that_ros_cannot_take_end_a_node_with_a_line_that_can_be_read(wrong: list[str]) -> None:
+    code = "import sys; from phil_node.process import run; sys.exit(run(lambda: None, sys.argv))"
+    command = [sys.executable, "-c", code, "--ros-args", *wrong]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1 and len(done.stderr) < 1000 and done.stderr[:-1].isprintable()
 
 
 def test_names_too_long_for_the_disk_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
