@@ -39,7 +39,8 @@ def fault_of(outcome: Outcome, name: str, most_mib: float, *, several: bool, nam
         return outcome.fault
     if outcome.mib > most_mib:
         return "more memory than is allowed"
-    lines = outcome.said.splitlines()
+    # For a word of more than 1 KiB rcutils writes a line of its own, from C and past every logger.
+    lines = [line for line in outcome.said.splitlines() if not line.startswith("[rcutils|error_handling.c")]
     if outcome.code in GOOD:
         rest = [line for line in lines if not line.startswith("note: ")]
         return "words on standard error beside a result" if rest else _unclear(lines)

@@ -74,6 +74,7 @@ def test_good_examples_are_read(tmp_path: Path) -> None:
         (Outcome(0, "note: a.yaml: 010 is read as 8\n"), ""),
         (Outcome(2, "rig: parameter 'x' = 1 is not allowed\nrig: parameter 'y' = 1 is not allowed\n"), ""),
         (Outcome(2), "without a word"),
+        (Outcome(2, "[rcutils|error_handling.c:65] an error string will be truncated\n"), "without a word"),
         (Outcome(1, "a.yaml: warning\n"), "beside a result"),
         (Outcome(3, "a.yaml: no\n"), "exit code 3"),
         (Outcome(2, "it is wrong\n"), "neither file nor parameter"),
