@@ -15,10 +15,11 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, TextIO
 
-from energy_monitor.command_line import UNUSABLE, Parser, seconds
 from energy_monitor.listening import RideRecorder
 from energy_monitor.topics import RECORDED
 from energy_monitor.watch import Watch
+from phil_node.clear_words import clear
+from phil_node.command_line import UNUSABLE, Parser, path, seconds
 from phil_node.memory import lean_heap
 from phil_node.surroundings import leave_if_unusable
 
@@ -40,6 +41,9 @@ DISK_FULL = 3
 HANGS = "receiving hangs, and was given up: the bag is whole, with what had come by then"
 ROOM = "; make room: what was written up to then is kept, and scripts/analyze.sh reads it"
 
+NODE = "ride_recorder"
+MOST_LETTERS = 247
+"""Of the name of a topic with its namespace, by rmw."""
 _NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 _TOPIC = re.compile(rf"(~/|/)?{_NAME}(/{_NAME})*")
 _NAMESPACE = re.compile(rf"/?{_NAME}(/{_NAME})*")
@@ -53,9 +57,9 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
         epilog="Lost messages are counted by the numbers that a publisher gives its messages: gaps between the first "
         "and the last that came, while the topic has one publisher. "
         "Exit code: 0 the bag is whole, 1 writing failed, messages were lost or receiving hung, 2 the command line is "
-        "wrong, 3 the disk is full.",
+        "wrong or the folder cannot be made, 3 the disk is full.",
     )
-    parser.add_argument("--out", type=Path, help="folder of the bag, must not exist (default: ride_DATE_TIME)")
+    parser.add_argument("--out", type=path, help="folder of the bag, must not exist (default: ride_DATE_TIME)")
     parser.add_argument("--all", action="store_true", help="record every topic, also those that appear later")
     parser.add_argument(
         "--duration", type=seconds, default=0.0, metavar="S", help="end S seconds after the first message"
@@ -67,7 +71,7 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
         "--namespace", type=namespace, default="", metavar="NS", help="namespace of the nodes (default: none)"
     )
     parser.add_argument(
-        "--ready-file", type=Path, metavar="FILE", help="create FILE once all expected topics are connected"
+        "--ready-file", type=path, metavar="FILE", help="create FILE once all expected topics are connected"
     )
     parser.add_argument(
         "--expect-topics",
@@ -78,12 +82,19 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument(
         "--recover",
-        type=Path,
+        type=path,
         metavar="BAG",
         help="record nothing: write BAG, whose recorder was killed, anew with index and metadata, as mcap and rosbags "
         "want it (to --out, default: BAG_recovered)",
     )
-    return parser.parse_args(argv)
+    given = parser.parse_args(argv)
+    for name in (*(given.topics or ()), *(given.expect_topics or ())):
+        whole = name if name.startswith("/") else f"/{given.namespace}/{NODE}/{name}"
+        if len(whole) > MOST_LETTERS:
+            parser.error(f"a topic of {len(whole)} letters: ROS takes at most {MOST_LETTERS}: {name}")
+    if given.ready_file is not None and (given.ready_file.is_dir() or not given.ready_file.absolute().parent.is_dir()):
+        parser.error(f"--ready-file {given.ready_file} cannot be written: it has to be a file in a folder that exists")
+    return given
 
 
 def topic(text: str) -> str:
@@ -101,7 +112,7 @@ def topic(text: str) -> str:
 
 def namespace(text: str) -> str:
     """Check a namespace as `topic` checks a topic; empty or "/" is none."""
-    if text not in ("", "/") and not _NAMESPACE.fullmatch(text):
+    if text not in ("", "/") and not (_NAMESPACE.fullmatch(text) and len(text) < MOST_LETTERS - 50):
         raise argparse.ArgumentTypeError(f"{text!r} is not a namespace")
     return text
 
@@ -172,20 +183,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     lean_heap()
     # Loading ROS takes a while: the handlers above must already stand.
     import rclpy
-    from rclpy.signals import SignalHandlerOptions
-    from rosbags.rosbag2 import WriterError
 
-    from energy_monitor.recorder import NO_ROOM, BagSink
+    from energy_monitor.recorder import NO_ROOM
 
     path = options.out or Path(f"ride_{datetime.now():%Y%m%d_%H%M%S}")
     topics = options.topics or ([] if options.all and options.expect_topics else RECORDED)
     expected = options.expect_topics or topics
-    try:
-        sink = BagSink(path)
-    except (WriterError, OSError) as error:
-        said = f"{error.filename or path}: {error.strerror or error}" if isinstance(error, OSError) else error
-        say(f"record: {said}", sys.stderr)
-        return DISK_FULL if getattr(error, "errno", None) in NO_ROOM else 1
+    sink = opened(path, argv)
+    if isinstance(sink, int):
+        return sink
     began = monotonic()
     recorder: RideRecorder | None = None
     unready: OSError | None = None
@@ -212,10 +218,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os._exit(outcome(HANGS) if code is None else code)
 
     with Watch(rescue) as watch:
-        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-        node = rclpy.create_node(
-            "ride_recorder", namespace=options.namespace, enable_rosout=False, start_parameter_services=False
-        )
+        node = rclpy.create_node(NODE, namespace=options.namespace, enable_rosout=False, start_parameter_services=False)
         for publisher in list(node.publishers):  # of parameters, with events of DDS
             node.destroy_publisher(publisher)
         recorder = RideRecorder(node, sink, topics, expected, options.all)
@@ -231,6 +234,36 @@ def main(argv: Sequence[str] | None = None) -> int:
             node.destroy_node()
             rclpy.try_shutdown()
     return code
+
+
+def opened(path: Path, argv: Sequence[str] | None) -> Any:
+    """Let ROS take its arguments and begin a bag; give its sink, or, once said why, the exit code."""
+    import rclpy
+    from rclpy.impl.implementation_singleton import rclpy_implementation
+    from rclpy.logging import LoggingSeverity, set_logger_level
+    from rclpy.signals import SignalHandlerOptions
+    from rosbags.rosbag2 import WriterError
+
+    from energy_monitor.recorder import NO_ROOM, BagSink
+
+    set_logger_level("rcl", LoggingSeverity.FATAL)  # what it cannot read is said below, in one line
+    try:
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+    except (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError) as error:
+        said = " ".join(str(error).partition(", at /")[0].split())
+        say(clear(f"record: ROS cannot take its arguments: {said}"), sys.stderr)
+        return UNUSABLE
+    except UnicodeEncodeError:
+        say("record: ROS cannot take its arguments: they have letters that are no UTF-8", sys.stderr)
+        return UNUSABLE
+    set_logger_level("rcl", LoggingSeverity.UNSET)
+    try:
+        return BagSink(path)
+    except (WriterError, OSError) as error:
+        rclpy.try_shutdown()
+        reason = f"{path}: {error.strerror or error}" if isinstance(error, OSError) else str(error)
+        say(clear(f"record: {reason}"), sys.stderr)
+        return DISK_FULL if getattr(error, "errno", None) in NO_ROOM else UNUSABLE
 
 
 def recovered(bag: Path, out: Path | None) -> int:

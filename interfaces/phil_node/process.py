@@ -16,6 +16,7 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from phil_node.clear_words import clear
 from phil_node.executor import LONG, events_executor
 from phil_node.instance import AlreadyRunning, claim
 from phil_node.parameters import ParameterError
@@ -47,7 +48,6 @@ def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int
 
 def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Ending) -> int:
     remove_litter()
-    topics = TopicsProcess()
     try:
         set_logger_level("rcl", LoggingSeverity.FATAL)  # what it cannot read is said below, in one line
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
@@ -57,14 +57,16 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
         node = kind()
         held = claim(node.full_name, node.context.get_domain_id())
     except (ParameterError, AlreadyRunning) as error:
-        return _refuse(topics, str(error))
+        return _refuse(str(error))
     except UnknownROSArgsError as error:
-        return _refuse(topics, f"ROS does not know these arguments: {error}")
+        return _refuse(f"ROS does not know these arguments: {error}")
+    except UnicodeEncodeError:
+        return _refuse("ROS cannot take its arguments: they have letters that are no UTF-8")
     except RCLError as error:
         # Arguments that ROS itself cannot read: a missing parameter file, a malformed remapping.
-        return _refuse(topics, PLACES.sub("", str(error).splitlines()[0]))
+        return _refuse(PLACES.sub("", str(error).splitlines()[0]))
     node.has_process = True
-    node.use(topics)
+    node.use(TopicsProcess())
     executor = events_executor()
     executor.add_node(node)
     try:
@@ -113,9 +115,8 @@ def _spin(node: PhilNode[Any], executor: Any, ending: Ending) -> None:
         executor.spin_until_future_complete(over, timeout_sec=LONG)
 
 
-def _refuse(topics: TopicsProcess, text: str) -> int:
-    print(text, file=sys.stderr)
-    topics.close()
+def _refuse(text: str) -> int:
+    print(clear(text), file=sys.stderr)
     rclpy.try_shutdown()
     return WRONG
 

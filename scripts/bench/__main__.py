@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import gc
-import json
 import platform
 import sys
-from pathlib import Path
+from collections.abc import Sequence
 
-from bench.realtime.options import WrongUse, add_options, options_from
+from bench.realtime.options import RealtimeOptions, WrongUse, add_options, options_from
+from phil_node.command_line import Parser, path, write_json
 
 WRONG, FAILED, INTERRUPTED = 2, 3, 130
 NAMES = ("catenary", "lines", "mpc", "realtime")
@@ -18,23 +18,29 @@ WIDTH = 132
 """Columns of the tables where there is no terminal."""
 
 
-def main() -> int:
-    """Measure, print, write; 0 unless the measurement itself failed (3): speed is told, not tested."""
-    parser = argparse.ArgumentParser(prog="scripts/bench.sh", description=__doc__)
+def arguments(argv: Sequence[str] | None = None) -> tuple[argparse.Namespace, RealtimeOptions]:
+    """Read the command line; ends the process with code 2 if it is wrong, before anything is measured."""
+    parser = Parser(prog="scripts/bench.sh", description=__doc__)
     parser.add_argument("name", choices=NAMES, help="what to measure")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="draw the distributions there")
+    parser.add_argument("--json", type=path, metavar="FILE", help="write the figures there")
+    parser.add_argument("--out", type=path, metavar="DIR", help="draw the distributions there")
     parser.add_argument("--quick", action="store_true", help="few samples: only to see that it works")
     add_options(parser)
-    given = parser.parse_args()
+    given = parser.parse_args(argv)
     riding = options_from(parser, given)
-    try:
-        if given.json:
-            given.json.touch()
-        if given.out:
-            given.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        parser.error(f"{error.filename} cannot be written: {error.strerror}")
+    if riding.parameters and riding.against is None:  # another revision may have other parameters
+        from ride.beforehand import refusal
+
+        if refused := refusal(parser, riding.parameters, "realtime", riding.cycle_time):
+            print(refused, file=sys.stderr)
+            sys.exit(WRONG)
+    parser.check_places(given.json, given.out)
+    return given, riding
+
+
+def main() -> int:
+    """Measure, print, write; 0 unless the measurement itself failed (3): speed is told, not tested."""
+    given, riding = arguments()
 
     from rich.console import Console
 
@@ -66,6 +72,7 @@ def main() -> int:
         console.print(sheet.table())
     for note in outcome.notes:
         console.print(f"- {note}", highlight=False, markup=False)
+    written = True
     if given.json:
         machine = {"machine": platform.machine(), "python": platform.python_version(), "quick": given.quick}
         document = {
@@ -76,12 +83,12 @@ def main() -> int:
             **{sheet.name: list(sheet.rows) for sheet in outcome.sheets},
             "notes": outcome.notes,
         }
-        given.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        written = write_json(given.json, document)
     if given.out:
         picture(outcome.title, outcome.samples, given.out / f"bench-{given.name}.png")
         for name, draw in outcome.pictures.items():
             draw(given.out / f"bench-{given.name}-{name}.png")
-    return 0
+    return 0 if written else FAILED
 
 
 if __name__ == "__main__":

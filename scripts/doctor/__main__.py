@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-GOOD, BAD, WRONG, INTERRUPTED = 0, 1, 2, 130
+from phil_node.command_line import Parser, path, real, write_json
+
+GOOD, BAD, FAILED, INTERRUPTED = 0, 1, 3, 130
 GOOD_WORDS = "nothing stands against a ride in real time at 500 Hz"
 ROOT = Path(__file__).resolve().parents[2]
 WIDTH = 160
@@ -16,46 +18,44 @@ WIDTH = 160
 LAST_DOMAIN = 232
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """Make the command line."""
-    made = argparse.ArgumentParser(
+    made = Parser(
         prog="scripts/doctor.sh",
         description="Look at this machine: kernel, limits, processors, memory, disk, network, who else is on the ROS "
         "domain, and how late a sleeping thread wakes up; say what to change, in the words to type.",
         epilog="Exit code: 0 nothing stands against a ride in real time at 500 Hz, 1 something does, 2 wrong use.",
     )
-    made.add_argument("--json", type=Path, metavar="FILE", help="write everything there")
+    made.add_argument("--json", type=path, metavar="FILE", help="write everything there")
     made.add_argument("--seconds", type=_seconds, default=10.0, metavar="S", help="length of each measurement (10)")
     made.add_argument("--domain", type=_domain, metavar="N", help="ROS domain to look at ($ROS_DOMAIN_ID, or 0)")
-    made.add_argument("--bags", type=Path, default=ROOT / "rides", metavar="DIR", help="folder for bags (rides)")
+    made.add_argument("--bags", type=path, default=ROOT / "rides", metavar="DIR", help="folder for bags (rides)")
     return made
 
 
 def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.1 <= value <= 3600.0:
+    if not 0.1 <= (value := real(text)) <= 3600.0:
         raise argparse.ArgumentTypeError(f"'{text}' is not allowed: a number from 0.1 to 3600 s")
     return value
 
 
 def _domain(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) > LAST_DOMAIN:
+    if not (text.isascii() and text.isdigit() and len(text) < 9) or int(text) > LAST_DOMAIN:
         raise argparse.ArgumentTypeError(f"'{text}' is not allowed: a whole number from 0 to {LAST_DOMAIN}")
     return int(text)
 
 
+def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    """Read the command line; ends the process with code 2 if it is wrong, before anything is looked at."""
+    made = parser()
+    given = made.parse_args(argv)
+    made.check_places(given.json)
+    return given
+
+
 def main() -> int:
     """Look, measure, print, write."""
-    made = parser()
-    given = made.parse_args()
-    try:
-        if given.json:
-            given.json.touch()
-    except OSError as error:
-        made.error(f"{error.filename} cannot be written: {error.strerror}")
+    given = arguments()
     if given.domain is not None:
         os.environ["ROS_DOMAIN_ID"] = str(given.domain)
 
@@ -76,8 +76,8 @@ def main() -> int:
     against = [found.name for found in examined.findings if found.verdict == CHANGE]
     verdict = f"against a ride in real time at 500 Hz: {', '.join(against)}" if against else GOOD_WORDS
     console.print(verdict, highlight=False, markup=False, soft_wrap=True)
-    if given.json:
-        given.json.write_text(json.dumps(examined.document(), indent=1) + "\n", encoding="utf-8")
+    if given.json and not write_json(given.json, examined.document()):
+        return FAILED
     return BAD if against else GOOD
 
 

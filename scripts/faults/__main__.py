@@ -6,7 +6,6 @@ Exit code: 0 all rows are good, 1 one is not, 2 wrong options, 3 the set-up fail
 from __future__ import annotations
 
 import argparse
-import json
 import platform
 import sys
 import tempfile
@@ -15,6 +14,8 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from phil_node.command_line import Parser, path, real, write_json
 
 if TYPE_CHECKING:
     from faults.catalogue import Fault
@@ -26,33 +27,24 @@ DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 GOOD, BAD, WRONG, BROKEN = 0, 1, 2, 3
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """Describe the options."""
-    made = argparse.ArgumentParser(
-        prog="scripts/faults.sh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    made = Parser(prog="scripts/faults.sh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = made.add_argument
     add("names", nargs="*", metavar="NAME", help="faults to do, patterns like 'kill-*' too (default: all)")
     add("--list", action="store_true", help="name the faults and do none")
     add("--short", action="store_true", help="a handful of faults, within a minute")
-    add("--rate", type=float, default=500.0, metavar="HZ", help="cycles a second (default: 500)")
-    add("--json", type=Path, metavar="FILE", help="write the rows there")
-    add("--out", type=Path, metavar="DIR", help="keep logs and bags there (default: they are deleted)")
+    add("--rate", type=real, default=500.0, metavar="HZ", help="cycles a second (default: 500)")
+    add("--json", type=path, metavar="FILE", help="write the rows there")
+    add("--out", type=path, metavar="DIR", help="keep logs and bags there (default: they are deleted)")
     add("--update-docs", action="store_true", help=f"write the table into docs/{DOCUMENT.name}")
     return made
 
 
-def main() -> int:
-    """Do the faults, print, write."""
+def arguments(argv: Sequence[str] | None = None) -> tuple[argparse.Namespace, list[Fault]]:
+    """Read the command line, give the faults to be done; ends the process with code 2 if it is wrong."""
     options = parser()
-    given = options.parse_args()
-    try:
-        if given.json:
-            given.json.touch()
-        if given.out:
-            given.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        options.error(f"{error.filename} cannot be written: {error.strerror}")
+    given = options.parse_args(argv)
     if not 50.0 <= given.rate <= 2000.0:
         options.error(f"--rate {given.rate:g}: allowed are 50 to 2000 Hz")
 
@@ -64,12 +56,19 @@ def main() -> int:
             if not any(fnmatchcase(fault.name, name) for fault in FAULTS):
                 options.error(f"there is no fault '{name}': --list names them")
         chosen = [fault for fault in FAULTS if any(fnmatchcase(fault.name, name) for name in given.names)]
+    if given.update_docs and len(chosen) != len(FAULTS):
+        options.error("--update-docs: the table of the documentation has all faults; leave out --short and names")
+    options.check_places(given.json, given.out)
+    return given, chosen
+
+
+def main() -> int:
+    """Do the faults, print, write."""
+    given, chosen = arguments()
     if given.list:
         for fault in chosen:
             print(f"{fault.name:34} {fault.title}")
         return GOOD
-    if given.update_docs and len(chosen) != len(FAULTS):
-        options.error("--update-docs: the table of the documentation has all faults; leave out --short and names")
     if given.out:
         return ride(given, chosen, given.out)
     with tempfile.TemporaryDirectory(prefix="phil-faults-") as folder:
@@ -117,6 +116,7 @@ def ride(given: argparse.Namespace, chosen: Sequence[Fault], out: Path) -> int:
     )
     console.print(table(rows))
     console.print(foot, highlight=False)
+    written = True
     if given.json:
         document = {
             "name": "faults",
@@ -127,9 +127,11 @@ def ride(given: argparse.Namespace, chosen: Sequence[Fault], out: Path) -> int:
             "ok": good,
             "rows": [row.document() for row in rows],
         }
-        given.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        written = write_json(given.json, document)
     if given.update_docs and not interrupted:
         update(DOCUMENT, rows, foot)
+    if not written:
+        return BROKEN
     return GOOD if good else BAD
 
 

@@ -3,48 +3,51 @@
 from __future__ import annotations
 
 import argparse
-import json
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from phil_node.command_line import Parser, path, whole, write_json
+
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ("yaml", "line", "pantograph", "trajectory", "limits", "report-limits", "bag")
+NAMES = ("yaml", "line", "pantograph", "trajectory", "limits", "report-limits", "bag", "command-line")
 GOOD, BAD, WRONG, FAILED = 0, 1, 2, 3
+MOST = 10**7
+WITH_BAG = {"bag", "command-line"}
 
 
-def arguments() -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
+def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    """Read the command line; ends the process with code 2 if it is wrong."""
+    parser = Parser(
         prog="scripts/fuzz.sh",
-        description="Damage every kind of file that is read here, and look at what comes of it. Each damaged file "
-        "must lead to a result or to exit code 2 with one clear line (one for "
-        "each wrong parameter): no traceback, no hang, no memory without end.",
+        description="Damage every kind of file that is read here, and the command lines of all scripts, and look at "
+        "what comes of it. Each case must lead to a result or to exit code 2 with one clear line (one for each wrong "
+        "parameter): no traceback, no hang, no memory without end.",
         epilog="Exit code: 0 no fault, 1 faults, 2 wrong options, 3 the ride for the bag failed.",
     )
     add = parser.add_argument
     add("kind", nargs="?", default="all", choices=(*NAMES, "all"), help="kind of file: " + ", ".join(NAMES) + " (all)")
-    add("--mutations", type=int, default=1000, metavar="N", help="damaged files of each kind (1000)")
-    add("--seed", type=int, metavar="N", help="other damages (without it the same ones each time)")
-    add("--bag", type=Path, metavar="DIR", help="bag of a ride to damage (else a ride of 1 s is recorded first)")
-    add("--out", type=Path, metavar="DIR", help="where the smallest case of each fault goes (rides/fuzz)")
-    add("--repeat", type=Path, metavar="DIR", help="read one such case again, and print what becomes of it")
-    add("--json", type=Path, metavar="FILE", help="write the outcome there")
-    given = parser.parse_args()
-    if given.mutations < 1:
-        parser.error("--mutations has to be 1 or more")
-    if given.repeat and not (given.repeat / "note.txt").is_file():
-        parser.error(f"--repeat {given.repeat}: there is no case with a note.txt")
-    if given.bag and not (given.bag / "metadata.yaml").is_file():
-        parser.error(f"--bag {given.bag}: is no folder of a bag with metadata.yaml")
+    add("--mutations", type=whole, default=1000, metavar="N", help="damaged files of each kind (1000)")
+    add("--seed", type=whole, metavar="N", help="other damages (without it the same ones each time)")
+    add("--bag", type=path, metavar="DIR", help="bag of a ride to damage (else a ride of 1 s is recorded first)")
+    add("--out", type=path, metavar="DIR", help="where the smallest case of each fault goes (rides/fuzz)")
+    add("--repeat", type=path, metavar="DIR", help="read one such case again, and print what becomes of it")
+    add("--json", type=path, metavar="FILE", help="write the outcome there")
+    given = parser.parse_args(argv)
+    if not 1 <= given.mutations <= MOST:
+        parser.error(f"--mutations {given.mutations}: from 1 to {MOST}")
     try:
-        if given.json:
-            given.json.touch()
-    except OSError as error:
-        parser.error(f"{error.filename} cannot be written: {error.strerror}")
+        if given.repeat and not (given.repeat / "note.txt").is_file():
+            parser.error(f"--repeat {given.repeat}: there is no case with a note.txt")
+        if given.bag and not (given.bag / "metadata.yaml").is_file():
+            parser.error(f"--bag {given.bag}: is no folder of a bag with metadata.yaml")
+    except OSError as error:  # a name that is too long, a folder that may not be looked into
+        parser.error(f"{error.filename}: {error.strerror}")
+    parser.check_places(given.json, given.out)
     return given
 
 
@@ -66,8 +69,8 @@ def main() -> int:
     begin = time.monotonic()
     with TemporaryDirectory(prefix="phil_fuzz_") as name:
         folder = Path(name)
-        bag = given.bag or (recorded(folder / "ride") if "bag" in names else None)
-        if "bag" in names and bag is None:
+        bag = given.bag or (recorded(folder / "ride") if WITH_BAG & set(names) else None)
+        if WITH_BAG & set(names) and bag is None:
             print("fuzz: the ride that was to be recorded failed: try scripts/run.sh --duration 1", file=sys.stderr)
             return FAILED
         for each in names:
@@ -95,7 +98,8 @@ def main() -> int:
             "ok": not any(row.faults for row in rows),
             "rows": [_row(row) for row in rows],
         }
-        given.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        if not write_json(given.json, document):
+            return FAILED
     return BAD if any(row.faults for row in rows) else GOOD
 
 
@@ -117,9 +121,10 @@ def repeat(folder: Path) -> int:
     from fuzz.entries import ENTRIES
 
     words = (folder / "note.txt").read_text(encoding="utf-8").splitlines()
-    entry = next(line.removeprefix("entry: ") for line in words if line.startswith("entry: "))
-    (case,) = [path for path in (folder / "case").iterdir() if path.name not in ("report", "recovered")]
-    return ENTRIES[entry](case.absolute())
+    entry, name = (
+        next(word.removeprefix(lead) for word in words if word.startswith(lead)) for lead in ("entry: ", "read: ")
+    )
+    return ENTRIES[entry]((folder / "case" / name).absolute())
 
 
 if __name__ == "__main__":

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from fuzz.commands import command
+
 Entry = Callable[[Path], int]
 """Takes the file or folder of a case; says on standard error what is wrong; gives the exit code that a user gets."""
 
@@ -141,5 +143,6 @@ def recover(folder: Path) -> int:
 
 
 ENTRIES: dict[str, Entry] = {
-    entry.__name__: entry for entry in (yaml, line, pantograph, trajectory, limits, report_limits, report, recover)
+    entry.__name__: entry
+    for entry in (yaml, line, pantograph, trajectory, limits, report_limits, report, recover, command)
 }

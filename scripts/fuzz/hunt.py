@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -16,6 +17,7 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
 from hypothesis import strategies as st
+from hypothesis.errors import HypothesisWarning
 
 from fuzz.judge import REFUSED, Outcome, fault_of
 from fuzz.kinds import Example, Kind
@@ -103,9 +105,10 @@ class Fault:
     def keep(self, folder: Path) -> None:
         """Write case and a note how to repeat it."""
         shutil.rmtree(folder, ignore_errors=True)
-        self.example.lay(folder / "case", self.content)
+        place = self.example.lay(folder / "case", self.content)
         said = self.outcome.said[:2000]
-        note = f"{self.what}\nrepeat: scripts/fuzz.sh --repeat {folder}\nentry: {self.entry}\n\n{said}\n"
+        note = f"{self.what}\nrepeat: scripts/fuzz.sh --repeat {folder}\nentry: {self.entry}\nread: {place.name}\n"
+        note += f"\n{said}\n"
         (folder / "note.txt").write_text(note + self.outcome.trace, encoding="utf-8", errors="replace")
         self.folder = folder
 
@@ -136,7 +139,7 @@ def readers(kind: Kind, examples: list[Example], folder: Path) -> Iterator[Calla
         found = []
         for reader in processes:
             outcome = reader.read(case)
-            what = fault_of(outcome, case.name, kind.most_mib, several=kind.several)
+            what = fault_of(outcome, case.name, kind.most_mib, several=kind.several, naming=kind.naming)
             found.append(Fault(what, reader.entry, example, content, outcome))
         return found
 
@@ -188,6 +191,7 @@ def hunt(kind: Kind, examples: list[Example], mutations: int, number: int | None
         )(given(drawn)(case))
         if number is not None:
             test = seed(number)(test)
+        warnings.simplefilter("ignore", HypothesisWarning)  # large cases are meant
         test()
         if row.faults:  # all cases were read: once more, to look for the smallest of each
             shrinking.append(time.monotonic() + SHRINK_SECONDS)

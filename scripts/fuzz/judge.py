@@ -23,7 +23,7 @@ class Outcome:
     ended: str = ""
 
 
-def fault_of(outcome: Outcome, name: str, most_mib: float, *, several: bool) -> str:
+def fault_of(outcome: Outcome, name: str, most_mib: float, *, several: bool, naming: str = "") -> str:
     """Say what is wrong with an outcome, empty if nothing is; equal texts are faults of one kind.
 
     Args:
@@ -31,6 +31,7 @@ def fault_of(outcome: Outcome, name: str, most_mib: float, *, several: bool) -> 
         name: of the file or folder: every line has to name it, or a node and its parameter.
         most_mib: memory that a case may take, MiB.
         several: whether there may be one line for each wrong value, or only one.
+        naming: pattern of what a line may name in place of these.
     """
     if outcome.ended:
         return outcome.ended
@@ -38,7 +39,8 @@ def fault_of(outcome: Outcome, name: str, most_mib: float, *, several: bool) -> 
         return outcome.fault
     if outcome.mib > most_mib:
         return "more memory than is allowed"
-    lines = outcome.said.splitlines()
+    # For a word of more than 1 KiB rcutils writes a line of its own, from C and past every logger.
+    lines = [line for line in outcome.said.splitlines() if not line.startswith("[rcutils|error_handling.c")]
     if outcome.code in GOOD:
         rest = [line for line in lines if not line.startswith("note: ")]
         return "words on standard error beside a result" if rest else _unclear(lines)
@@ -50,12 +52,13 @@ def fault_of(outcome: Outcome, name: str, most_mib: float, *, several: bool) -> 
         return "refused in more than one line"
     if any("Traceback (most recent call last)" in line for line in lines):
         return "a traceback among the words"
-    if not all(name in line or _PARAMETER.search(line) for line in lines):
+    named = re.compile(f"{_PARAMETER}|{naming}" if naming else _PARAMETER)
+    if not all(name in line or named.search(line) for line in lines):
         return "a line names neither file nor parameter"
     return _unclear(lines)
 
 
-_PARAMETER = re.compile(r"^\w+: .|parameter '")
+_PARAMETER = r"^\w+: .|parameter '"
 
 
 def _unclear(lines: list[str]) -> str:

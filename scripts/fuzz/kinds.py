@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from fuzz import words
 from phil_node.parameters import config_file
 
 
@@ -17,13 +18,13 @@ from phil_node.parameters import config_file
 class Example:
     """A good file, or a folder with one: ``name`` is what is damaged, ``beside`` what lies there besides.
 
-    ``form`` (text, bytes, database) says which damages make sense.
+    ``form`` (text, bytes, database, words) says which damages make sense.
     """
 
     name: str
-    content: bytes
+    content: bytes = field(repr=False)
     form: str = "text"
-    beside: Mapping[str, bytes] = field(default_factory=dict)
+    beside: Mapping[str, bytes] = field(default_factory=dict, repr=False)
 
     def lay(self, folder: Path, content: bytes | None = None) -> Path:
         """Write the example into a folder, with another content; give what a reader is given: the file, or ``ride``."""
@@ -44,6 +45,8 @@ class Kind:
     examples: Callable[[Path | None], list[Example]]
     most_mib: float
     several: bool
+    naming: str = ""
+    """Pattern of what a line may name in place of file or parameter."""
 
 
 def _parameter_files(bag: Path | None) -> list[Example]:
@@ -152,6 +155,23 @@ def _mcap(rows: list[tuple[Any, int, bytes]], *, chunks: bool) -> bytes:
     return stream.getvalue()
 
 
+OPTION = r"--[a-z]|^ROS |rcl: |^\S*[./]\S*: .|^.+: cannot be read: "
+"""What a line about a command line names: an option, or a file that one names."""
+
+
+def _command_lines(bag: Path | None) -> list[Example]:
+    parameters = _parameter_files(None)[-1].content
+    beside = {"file": b"a file\n", "ride/params.yaml": parameters}
+    recorded = {"ride/bag/ride.mcap": bag_forms(bag)[0][1]} if bag is not None else {}
+    if bag is not None and (bag.parent / "params.yaml").is_file():
+        recorded["ride/params.yaml"] = (bag.parent / "params.yaml").read_bytes()
+    return [
+        Example("arguments", words.content(name, line), "words", beside | recorded)
+        for name, lines in words.examples().items()
+        for line in lines
+    ]
+
+
 KINDS = {
     kind.name: kind
     for kind in (
@@ -162,5 +182,6 @@ KINDS = {
         Kind("limits", ("limits",), _contact_limits, 128.0, False),
         Kind("report-limits", ("report_limits",), _report_limits, 128.0, False),
         Kind("bag", ("report", "recover"), _bags, 512.0, False),
+        Kind("command-line", ("command",), _command_lines, 512.0, True, OPTION),
     )
 }

@@ -15,6 +15,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from fuzz.words import WORDS
+
 Damage = Callable[[bytes], bytes]
 
 _WORD = re.compile(rb"[\w.+-]+")
@@ -251,11 +253,11 @@ DATABASE: st.SearchStrategy[Damage] = st.one_of(
 )  # fmt: skip
 """Of an sqlite3 file."""
 
-DAMAGES = {"text": TEXT, "bytes": BYTES, "database": DATABASE}
+DAMAGES = {"text": TEXT, "bytes": BYTES, "database": DATABASE, "words": WORDS}
 
 
 def mutants(content: bytes, form: str) -> st.SearchStrategy[bytes]:
-    """Give contents damaged one to three times; ``form`` is text, bytes or database."""
+    """Give contents damaged one to three times; ``form`` is one of `DAMAGES`."""
 
     def damaged(damages: list[Damage]) -> bytes:
         found = content

@@ -15,7 +15,7 @@ import traceback
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryFile
 from typing import IO, Any
 
 from fuzz.entries import ENTRIES, Entry
@@ -28,8 +28,9 @@ def main() -> None:
     name, mib, good = sys.argv[1:]
     entry = ENTRIES[name]
     answers = os.fdopen(os.dup(1), "w")
-    with TemporaryDirectory(prefix="phil_fuzz_out_") as folder:
-        said = {number: (Path(folder) / str(number)).open("w+b", buffering=0) for number in (1, 2)}
+    # Without a name: who waits for an answer kills this process, and nothing may be left of it.
+    with TemporaryFile(buffering=0) as out, TemporaryFile(buffering=0) as errors:
+        said = {1: out, 2: errors}
         for number, stream in said.items():
             os.dup2(stream.fileno(), number)
         _answer(answers, _tried(entry, Path(good), said))

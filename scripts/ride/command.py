@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from energy_monitor.beliefs import remark
+from phil_node import clear_words
 from phil_node.parameters import ParameterError
 from phil_node.surroundings import reach
 from ride.checks import notices
@@ -20,8 +21,17 @@ OK, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130
 
 def carry_out(options: Options) -> int:
     """Ride; give the exit code: 0 good, 1 failed or a verdict does not hold, 2 wrong options, 130 interrupted."""
-    console = Console()
-    errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    settings = prepared(options)
+    return WRONG if settings is None else _ride_and_report(options, settings, Console(), _errors())
+
+
+def _errors() -> Console:
+    return Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+
+
+def prepared(options: Options) -> Settings | None:
+    """Check everything and make the ride's folder, before anything is started; None, and said, if it cannot be."""
+    errors = _errors()
     try:
         overrides = as_ordinary(options.overrides) if options.ordinary_scheduling else options.overrides
         settings = resolve(options.params, overrides, options.rig)
@@ -29,19 +39,19 @@ def carry_out(options: Options) -> int:
         said = notices(options.params, settings)
     except ParameterError as error:
         errors.print(str(error))
-        return WRONG
+        return None
     try:
         if not clear(options.out, options.overwrite):
-            errors.print(f"{options.out} already holds a ride: choose another --out, or --overwrite")
-            return WRONG
+            errors.print(clear_words.clear(f"{options.out} already holds a ride: choose another --out, or --overwrite"))
+            return None
         options.out.mkdir(parents=True, exist_ok=True)
         write(settings, line, options.out, pantograph)
     except OSError as error:
-        errors.print(f"{options.out} cannot be written: {error.strerror}")
-        return WRONG
+        errors.print(clear_words.clear(f"--out {options.out} cannot be written: {error.strerror}"))
+        return None
     for notice in (*said, *filter(None, [reach(os.environ)])):
         errors.print(f"note: {notice}")
-    return _ride_and_report(options, settings, console, errors)
+    return settings
 
 
 def _ride_and_report(options: Options, settings: Settings, console: Console, errors: Console) -> int:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
+
+from phil_node.command_line import Parser, path, real, whole
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -49,31 +50,31 @@ class Options:
 
 def parse(argv: Sequence[str] | None = None) -> Options:
     """Read the command line; ends the process with code 2 and a message if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="scripts/run.sh",
         description="Emulate a train ride: catenary, impedance controller, test rig and monitor in four processes, "
         "recorded into a bag, with a report at the end.",
         epilog="Examples: " + "   |   ".join(EXAMPLES),
     )
     add = parser.add_argument
-    add("--speed-kmh", type=_real, metavar="V", help="speed of the train in km/h (catenary_model.speed_kmh)")
+    add("--speed-kmh", type=real, metavar="V", help="speed of the train in km/h (catenary_model.speed_kmh)")
     add("--line", metavar="NAME_OR_PATH", help="overhead line: a preset or a YAML file (catenary_model.line)")
     add("--discretisation", metavar="KIND", help="of the catenary: fe or fd (catenary_model.discretisation)")
-    add("--duration", type=_real, metavar="S", help="length of the ride in s, 0: until Ctrl-C (test_rig_sim.duration)")
+    add("--duration", type=real, metavar="S", help="length of the ride in s, 0: until Ctrl-C (test_rig_sim.duration)")
     add("--mode", choices=("lockstep", "realtime"), help="wait for each other, or follow the clock (test_rig_sim.mode)")
     add("--pantograph", metavar="NAME", help="unit under test (test_rig_sim.pantograph)")
-    add("--seed", type=_whole, metavar="N", help="seed of the measurement noise (test_rig_sim.seed)")
+    add("--seed", type=whole, metavar="N", help="seed of the measurement noise (test_rig_sim.seed)")
     add("--rig", metavar="NAME", help="test rig: ideal, nominal or harsh, with the model identified on it (nominal)")
     add(
         "--params",
-        type=Path,
+        type=path,
         action="append",
         default=[],
         metavar="FILE",
         help="ROS parameter file for all nodes together; may be given again, later ones win",
     )
     add("--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter; may be given again")
-    add("--out", type=_folder, metavar="DIR", help="where bag, report and figures go (rides/DATE-TIME)")
+    add("--out", type=path, metavar="DIR", help="where bag, report and figures go (rides/DATE-TIME)")
     add("--overwrite", action="store_true", help="replace a ride that is already in DIR")
     add("--no-bag", action="store_true", help="record nothing: no report either, only the monitor's last figures")
     add("--no-report", action="store_true", help="record, but make no report (scripts/analyze.sh makes it later)")
@@ -85,13 +86,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     )
     given = parser.parse_args(argv)
 
-    overrides: dict[str, dict[str, Any]] = {}
-    for entry in given.set:
-        target, separator, text = entry.partition("=")
-        node, dot, key = target.partition(".")
-        if not (separator and dot and node and key):
-            parser.error(f"--set {entry}: the form is NODE.KEY=VALUE")
-        overrides.setdefault(node, {})[key] = _value(text, parser)
+    overrides = overrides_of(given.set, parser)
     for option, (node, key) in SHORTCUTS.items():
         value = getattr(given, option)
         if value is not None:
@@ -109,24 +104,16 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     )
 
 
-def _real(text: str) -> float:
-    """Read a number as all our files do; Python would take 1_000 and "nan" as well."""
-    return float(text) if re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", text) else _refuse(text)
-
-
-def _whole(text: str) -> int:
-    return int(text) if re.fullmatch(r"[-+]?[0-9]+", text) else _refuse(text)
-
-
-def _folder(text: str) -> Path:
-    """Take a folder; an empty text (a variable of the shell that is not set) would be the current one."""
-    if not text:
-        raise argparse.ArgumentTypeError("an empty name is no folder")
-    return Path(text)
-
-
-def _refuse(text: str) -> NoReturn:
-    raise argparse.ArgumentTypeError(f"'{text}' is no number")
+def overrides_of(entries: Sequence[str], parser: argparse.ArgumentParser) -> dict[str, dict[str, Any]]:
+    """Give what ``--set`` says, node to parameter to value; the parser leaves with a line if it is wrong."""
+    found: dict[str, dict[str, Any]] = {}
+    for entry in entries:
+        target, separator, text = entry.partition("=")
+        node, dot, key = target.partition(".")
+        if not (separator and dot and node and key):
+            parser.error(f"--set {entry}: the form is NODE.KEY=VALUE")
+        found.setdefault(node, {})[key] = _value(text, parser)
+    return found
 
 
 def _value(text: str, parser: argparse.ArgumentParser) -> Any:

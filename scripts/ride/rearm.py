@@ -7,7 +7,6 @@ that wait for cycle 0, then the rig, which begins with it. A ride that is going 
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from phil_node.command_line import Parser
 from ride.lifecycle import ACTIVATE, CONFIGURE, NEXT, RideError
 from ride.settings import NODES
 
@@ -148,7 +148,7 @@ def call(
 
 def main() -> int:
     """Re-arm; 0 if the ride begins anew, else 1."""
-    argparse.ArgumentParser(prog="python -m ride.rearm", description=__doc__.splitlines()[0]).parse_args()
+    Parser(prog="python -m ride.rearm", description=__doc__.splitlines()[0]).parse_args()
     import rclpy
 
     from phil_node.executor import events_executor

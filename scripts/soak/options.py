@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
-import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+
+from phil_node.command_line import UNUSABLE, Parser, path, real, whole
 
 ROOT = Path(__file__).resolve().parents[2]
 RATES = (50.0, 5000.0)
@@ -47,7 +48,7 @@ class Options:
 
 def parse(argv: Sequence[str] | None = None) -> Options:
     """Read the command line; ends the process with code 2 and one line if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="scripts/soak.sh",
         description="Ride for a long time in real time, with recording and viewers that join and leave; look once a "
         "second at memory, processor, threads, files and logs of each process; then at the bag and its report. What "
@@ -56,28 +57,33 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         "130 interrupted.",
     )
     add = parser.add_argument
-    add("--minutes", type=float, default=30.0, metavar="N", help="length of the ride (30)")
-    add("--rate", type=float, default=500.0, metavar="HZ", help="cycles a second (500)")
+    add("--minutes", type=real, default=30.0, metavar="N", help="length of the ride (30)")
+    add("--rate", type=real, default=500.0, metavar="HZ", help="cycles a second (500)")
     add("--mode", choices=MODES, default=MODES[0], help="follow the clock (realtime), or wait for each other")
-    add("--viewers", type=int, default=2, metavar="N", help="viewers, reliable and best effort by turns (2)")
+    add("--viewers", type=whole, default=2, metavar="N", help="viewers, reliable and best effort by turns (2)")
     add("--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter, as for scripts/run.sh")
-    add("--out", type=Path, metavar="DIR", help="where ride, report and picture go (rides/soak-DATE-TIME)")
-    add("--json", type=Path, metavar="FILE", help="write the outcome there, with all that was sampled")
+    add("--out", type=path, metavar="DIR", help="where ride, report and picture go (rides/soak-DATE-TIME)")
+    add("--json", type=path, metavar="FILE", help="write the outcome there, with all that was sampled")
     given = parser.parse_args(argv)
     for name, value, (low, high) in (("minutes", given.minutes, MINUTES), ("rate", given.rate, RATES)):
-        if not (math.isfinite(value) and low <= value <= high):
+        if not low <= value <= high:
             parser.error(f"--{name} {value:g} has to be within {low:g} and {high:g}")
     if not 0 <= given.viewers <= 20:
         parser.error(f"--viewers {given.viewers} has to be within 0 and 20")
     out = given.out or ROOT / "rides" / f"soak-{datetime.now():%Y%m%d-%H%M%S}"
+    if given.set:
+        # Only now, so that --help and what can be said without it come at once.
+        from ride.beforehand import refusal
+
+        if refused := refusal(parser, given.set, given.mode, 1.0 / given.rate):
+            print(refused, file=sys.stderr)
+            sys.exit(UNUSABLE)
     try:
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
             parser.error(f"--out {out} already exists: choose another one")
-        out.mkdir(parents=True, exist_ok=True)
-        if given.json:
-            given.json.touch()
     except OSError as error:
-        parser.error(f"{error.filename} cannot be written: {error.strerror}")
+        parser.error(f"--out {out} cannot be written: {error.strerror}")
+    parser.check_places(given.json, out)
     return Options(
         out=out.absolute(),
         minutes=given.minutes,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import platform
@@ -17,6 +16,7 @@ from rich.table import Table
 from bench.realtime.figures import NODES
 from bench.realtime.session import RECORDER
 from energy_monitor.bag_channel import BagError
+from phil_node.command_line import write_json
 from soak.judge import Verdict, judge_lists, judge_samples, quantity, times, trends
 from soak.looks import QUANTITIES, Sample
 from soak.options import Options
@@ -26,7 +26,7 @@ from soak.reporting import Reported, judge_report, report
 from soak.session import Soaked, soak
 
 PROCESSES = (*NODES, RECORDER)
-GOOD, BAD = 0, 1
+GOOD, BAD, UNWRITTEN = 0, 1, 3
 WIDTH = 132
 """Columns of the tables where there is no terminal."""
 
@@ -56,8 +56,9 @@ def carry_out(options: Options) -> int:
         verdicts.append(Verdict("bag: cannot be read", 1.0, 0.0, "", str(error)))
     reported = report(bag, options.out / "report", options.out / "report.log")
     verdicts += judge_report(reported)
-    _write(options, soaked, verdicts, found, reported)
     _print(options, soaked, verdicts)
+    if not _write(options, soaked, verdicts, found, reported):
+        return UNWRITTEN
     return GOOD if all(one.ok for one in verdicts) else BAD
 
 
@@ -104,11 +105,11 @@ def _use(samples: Sequence[Sample]) -> Table:
 
 def _write(
     options: Options, soaked: Soaked, verdicts: Sequence[Verdict], found: Records | None, reported: Reported
-) -> None:
+) -> bool:
     if soaked.samples:
         draw(soaked.samples, PROCESSES, options.out / "memory.png")
     if not options.json:
-        return
+        return True
     document = {
         "minutes": options.minutes,
         "rate": options.rate,
@@ -128,7 +129,7 @@ def _write(
         "time s": times(soaked.samples).tolist() if soaked.samples else [],
         "logs bytes": [one.logs for one in soaked.samples],
     }
-    options.json.write_text(json.dumps(_finite(document), indent=1) + "\n", encoding="utf-8")
+    return write_json(options.json, _finite(document))
 
 
 def _process(samples: Sequence[Sample], name: str) -> dict[str, Any]:

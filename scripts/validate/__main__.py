@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
 import platform
 import sys
 import time
-from pathlib import Path
+from collections.abc import Sequence
+
+from phil_node.command_line import Parser, path, write_json
 
 NAMES = {
     "en50318": ("validate.en50318", "the reference model of EN 50318:2002 at 250 and 300 km/h"),
@@ -23,32 +24,33 @@ NAMES = {
 }
 """Module of every name, imported only when asked for, and what it measures."""
 
+FAILED = 3
 WIDTH = 132
 """Columns of the table where there is no terminal."""
 SELDOM = 10.0
 """Time between two lines of progress where there is no terminal, s."""
 
 
-def main() -> int:
-    """Measure, print, write; 0 only if every row with a goal holds."""
-    parser = argparse.ArgumentParser(
+def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    """Read the command line; ends the process with code 2 if it is wrong, before anything is measured."""
+    parser = Parser(
         prog="scripts/validate.sh",
         description=__doc__,
         epilog="\n".join(f"{name:12} {what}" for name, (_, what) in NAMES.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("name", choices=tuple(NAMES), help="what to validate (see below)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="draw the pictures there")
+    parser.add_argument("--json", type=path, metavar="FILE", help="write the figures there")
+    parser.add_argument("--out", type=path, metavar="DIR", help="draw the pictures there")
     parser.add_argument("--quick", action="store_true", help="shortened: only to see that it works")
-    given = parser.parse_args()
-    try:
-        if given.json:
-            given.json.touch()
-        if given.out:
-            given.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        parser.error(f"{error.filename} cannot be written: {error.strerror}")
+    given = parser.parse_args(argv)
+    parser.check_places(given.json, given.out)
+    return given
+
+
+def main() -> int:
+    """Measure, print, write; 0 only if every row with a goal holds."""
+    given = arguments()
 
     from rich.console import Console
 
@@ -87,7 +89,8 @@ def main() -> int:
             "rows": [row.row() for row in (*outcome.rows, *outcome.details)],
             "notes": list(outcome.notes),
         }
-        given.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        if not write_json(given.json, document):
+            return FAILED
     return 0 if outcome.holds else 1
 
 

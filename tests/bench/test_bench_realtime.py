@@ -233,7 +233,8 @@ def test_options() -> None:
     [
         (("mpc", "--rate", "1000"), "--rate is an option of realtime"),
         (("lines", "--disturbed"), "--disturbed is an option of realtime"),
-        (("realtime", "--rate", "nan"), "from 50 to 5000 Hz"),
+        (("realtime", "--rate", "nan"), "is no number"),
+        (("realtime", "--rate", "1e4"), "from 50 to 5000 Hz"),
         (("realtime", "--seconds", "0"), "from 1 to 86400 s"),
         (("realtime", "--pairs", "3"), "--pairs is for --against"),
         (("realtime", "--against", "HEAD", "--pairs", "0"), "from 1 to 1000"),

@@ -1,5 +1,8 @@
 """The recorder's command line and what it says at the end, without ROS."""
 
+import subprocess
+import sys
+
 import pytest
 
 from energy_monitor.definitions import Definition
@@ -22,6 +25,13 @@ from energy_monitor.recorder import Channel
         ["--namespace", "/lab/"],
         ["--namespace", "lab-1"],
         ["--nonsense"],
+        ["--namespace", "x" * 240],
+        ["--topics", "x" * 300],
+        ["--namespace", "y" * 150, "--topics", "x" * 100],
+        ["--ready-file", "/proc/none/ready"],
+        ["--ready-file", "/tmp"],
+        ["--out", ""],
+        ["--out", "\udcff"],
     ],
 )
 def test_a_wrong_command_line_is_one_line_and_code_2(argv, capsys):
@@ -37,6 +47,15 @@ def test_a_right_command_line():
     assert found.topics == ["state", "/lab/state", "~/x"]
     assert (found.namespace, found.duration) == ("/lab", 2.5)
     assert arguments(["--namespace", "/"]).namespace == "/"
+
+
+@pytest.mark.parametrize("wrong", [["-p"], ["--nonsense"], ["-r", "\udcff:=b"]])
+def test_wrong_arguments_of_ros_are_one_line_and_leave_no_bag(wrong, tmp_path):
+    command = [sys.executable, "-m", "energy_monitor.record", "--out", str(tmp_path / "bag"), "--ros-args", *wrong]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("record: ROS cannot take its arguments: ") and done.stderr.count("\n") == 1
+    assert not (tmp_path / "bag").exists()
 
 
 def test_arguments_of_ros_are_left_to_ros():

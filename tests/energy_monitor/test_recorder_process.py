@@ -155,7 +155,7 @@ def test_a_recording_ends_after_its_duration_and_never_overwrites(publisher, tmp
         assert reader.message_count > 100
     again = record("--out", bag)
     text, _ = again.communicate(timeout=20)
-    assert again.returncode == 1
+    assert again.returncode == 2
     assert "exists already" in text
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from energy_monitor.command_line import UNUSABLE, Parser, seconds
+from phil_node.command_line import MOST_DIGITS, UNUSABLE, Parser, path, seconds
 
 OK, FAILED, INTERRUPTED = 0, 1, 130
 
@@ -22,18 +21,18 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     )
     add = parser.add_argument
     add(
-        "bag", type=Path, help="folder of a bag or of a ride, or a single .mcap or .db3 file, also one that was cut off"
+        "bag", type=path, help="folder of a bag or of a ride, or a single .mcap or .db3 file, also one that was cut off"
     )
-    add("--out", type=Path, metavar="DIR", help="folder of the report (the ride's own, or BAG_report beside the bag)")
-    add("--params", type=Path, metavar="FILE", help="parameters that the ride ran with (params.yaml beside the bag)")
-    add("--limits", type=Path, metavar="FILE", help="YAML with limits of the verdicts that replace the usual ones")
+    add("--out", type=path, metavar="DIR", help="folder of the report (the ride's own, or BAG_report beside the bag)")
+    add("--params", type=path, metavar="FILE", help="parameters that the ride ran with (params.yaml beside the bag)")
+    add("--limits", type=path, metavar="FILE", help="YAML with limits of the verdicts that replace the usual ones")
     add("--run-in", type=seconds, metavar="S", help="seconds at the beginning that the statistics leave out")
     add("--namespace", metavar="NS", help="namespace of the ride's nodes, where the bag holds several")
     add("--ride", type=number, metavar="N", help="which ride, from 1, where the bag holds several (the last one)")
     add("--no-html", action="store_true", help="numbers only: neither page nor figures")
     add(
         "--json",
-        type=Path,
+        type=path,
         metavar="FILE",
         help="where the numbers go (report.json in the report's folder); -: standard output, the summary then goes to "
         "standard error",
@@ -49,7 +48,7 @@ def number(text: str) -> int:
     argparse.ArgumentTypeError
         The text is no such number.
     """
-    if not (text.isascii() and text.isdecimal() and int(text) > 0):
+    if not (text.isascii() and text.isdecimal() and len(text) <= MOST_DIGITS and int(text) > 0):
         raise argparse.ArgumentTypeError(f"{text!r} is not the number of a ride (1, 2, ..)")
     return int(text)
 

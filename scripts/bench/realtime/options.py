@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 
+from phil_node.command_line import real, whole
+
 RATES = (50.0, 5000.0)
 """Hz, lowest and highest rate: what the nodes' parameter `cycle_time` allows, and where nothing is left of a cycle."""
 ALONE, COMPARED, QUICK, QUICK_COMPARED = 60.0, 10.0, 5.0, 3.0
@@ -44,13 +46,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="meanwhile ten viewers join and leave, a second recorder and a reader of parameters run, and a busy "
         "process for each core, all of ordinary priority",
     )
-    add("--rate", type=float, metavar="HZ", help="cycles a second (500)")
-    add("--seconds", type=float, metavar="N", help="length of a ride (60; with --against 10)")
+    add("--rate", type=real, metavar="HZ", help="cycles a second (500)")
+    add("--seconds", type=real, metavar="N", help="length of a ride (60; with --against 10)")
     add("--against", metavar="REVISION", help="ride in turns with that revision of this repository, built beside")
     add(
         "--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter of all rides, as for run.sh"
     )
-    add("--pairs", type=int, metavar="N", help=f"with --against: rides of either ({PAIRS})")
+    add("--pairs", type=whole, metavar="N", help=f"with --against: rides of either ({PAIRS})")
 
 
 def options_from(parser: argparse.ArgumentParser, given: argparse.Namespace) -> RealtimeOptions:
