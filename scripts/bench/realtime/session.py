@@ -26,6 +26,7 @@ START_SECONDS = 300.0
 """A build that was never used compiles its kernels first."""
 END_SECONDS = 60.0
 RECORDER = "recorder"
+TOPICS, OF_TOPICS = "phil_node.topics_process", "its topics"
 FIELDS = {"RigState": ("cycle", "mode", "late_commands"), "CycleTiming": ("cycle", "turnaround")}
 WRONG, WORDS = 2, 8
 """Exit code of a ride whose parameters are wrong; lines that are repeated of one that failed."""
@@ -86,6 +87,8 @@ class _Watch:
         if len(self._processes) < len(NODES) + 1:
             self._processes = processes(children(self._child.pid))
             return
+        if not self.samples:
+            self._processes |= topics_of(self._processes)
         self.samples.append(sample(self._processes, self.own))
         # The ride asks for it before the first cycle; what is seen last counts, so it is not looked at often.
         if len(self.samples) % 10 == 0:
@@ -196,6 +199,16 @@ def _cycles_came(out: Path, watch: _Watch) -> bool:
             return True
         time.sleep(LOOK)
     return False
+
+
+def topics_of(nodes: Mapping[str, int]) -> dict[str, int]:
+    """Find the processes that speak on the nodes' topics, where a build has such."""
+    found = {}
+    for name, pid in nodes.items():
+        for child, line in children(pid).items():
+            if TOPICS in line:
+                found[f"{name}, {OF_TOPICS}"] = child
+    return found
 
 
 def processes(found: Mapping[int, list[str]]) -> dict[str, int]:

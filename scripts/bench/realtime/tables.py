@@ -10,9 +10,9 @@ import numpy as np
 from bench.outcome import Sheet
 from bench.realtime.figures import NODES, RIG, Times
 from bench.realtime.goals import HALF, Goal
-from bench.realtime.session import RECORDER, Ridden
+from bench.realtime.session import OF_TOPICS, RECORDER, Ridden
 
-PROCESSES = (*NODES, RECORDER)
+PROCESSES = (*(process for node in NODES for process in (node, f"{node}, {OF_TOPICS}")), RECORDER)
 SHOWN_RIDES = 12
 
 
@@ -66,6 +66,14 @@ def use_sheet(rides: Sequence[Ridden]) -> Sheet:
     return Sheet("use", "what a cycle costs", heads, rows)
 
 
+def of_node(ride: Ridden, name: str) -> float:
+    """Give the processor time in us that a node used in a cycle, with the process for its topics; 0 if unknown."""
+    if name not in ride.shares:
+        return 0.0
+    topics = ride.shares.get(f"{name}, {OF_TOPICS}")
+    return ride.shares[name].microseconds + (topics.microseconds if topics is not None else 0.0)
+
+
 def goal_sheet(goals: Sequence[Goal], title: str) -> Sheet:
     """Give the goals with their verdicts."""
     heads = {"what": "", "value": "value", "goal": "at most", "holds": "verdict"}
@@ -94,12 +102,9 @@ def comparison(rides: Sequence[Ridden], new: str, old: str) -> tuple[Sheet, list
             rows.append({**row, "smallest": min(ratios), "largest": max(ratios)})
             if node == RIG:
                 goals.append(Goal(f"state out to command in, {of}: {new} / {old}", now / before, HALF))
-    for name in PROCESSES:
-        pairs = [
-            (a.shares[name].microseconds, b.shares[name].microseconds)
-            for a, b in zip(by[new], by[old], strict=True)
-            if name in a.shares and name in b.shares and b.shares[name].microseconds > 0.0
-        ]
+    for name in (*NODES, RECORDER):
+        pairs = [(of_node(a, name), of_node(b, name)) for a, b in zip(by[new], by[old], strict=True)]
+        pairs = [pair for pair in pairs if min(pair) > 0.0]
         if pairs:
             now, before = np.mean(pairs, axis=0)
             ratios = [float(a / b) for a, b in pairs]
