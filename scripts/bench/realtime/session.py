@@ -87,7 +87,7 @@ class _Watch:
         if len(self._processes) < len(NODES) + 1:
             self._processes = processes(children(self._child.pid))
             return
-        if not self.samples:
+        if not any(name.endswith(OF_TOPICS) for name in self._processes):
             self._processes |= topics_of(self._processes)
         self.samples.append(sample(self._processes, self.own))
         # The ride asks for it before the first cycle; what is seen last counts, so it is not looked at often.
