@@ -47,6 +47,7 @@ class CatenaryNode(PhilNode[Parameters]):
         self._shape_publisher = self.publish_on(WireShape, "~/wire_shape", VIEW)
         model_publisher = self.publish_always(ImpedanceModel, "~/impedance_model", LATCHED)
         self.time_cycles(p.cycle_time)
+        self.timing.inputs = {"impedance_mpc/command": self.sequence.counts}
         self._prepare_messages()
         for _ in range(WARM_UP_CYCLES):
             self.catenary.step(0.0)
