@@ -30,8 +30,8 @@ class Arrival(Enum):
 class Stream(Generic[S]):
     """States of one sender, in order; ``front`` is the cycle after the newest one taken.
 
-    ``refused`` counts strays, ``swapped`` states that came before the one that they follow; ``counts`` has what was late,
-    lost, doubled and swapped among the states that were no strays.
+    ``refused`` counts strays, ``swapped`` states that came before the one that they follow; ``counts`` has what
+    was late, lost, doubled and swapped among the states that were no strays.
 
     A sender sends its cycles without a gap. A state that is ahead of the next one is a stray, unless the very next
     message is its successor: then the stream has gone on there and what lies between is lost. If what lies between is
