@@ -28,6 +28,8 @@ WARM_UP_CYCLES = 20
 class CatenaryNode(PhilNode[Parameters]):
     """Listens to impedance_mpc/command; publishes state, impedance_model and wire_shape below its own name."""
 
+    cycle_role = "environment"
+
     def __init__(self) -> None:
         super().__init__("catenary_model", Parameters)
 
@@ -47,6 +49,7 @@ class CatenaryNode(PhilNode[Parameters]):
         self._shape_publisher = self.publish_on(WireShape, "~/wire_shape", VIEW)
         model_publisher = self.publish_always(ImpedanceModel, "~/impedance_model", LATCHED)
         self.time_cycles(p.cycle_time)
+        self.timing.inputs = {"impedance_mpc/command": self.sequence.counts}
         self._prepare_messages()
         for _ in range(WARM_UP_CYCLES):
             self.catenary.step(0.0)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import enum
 import math
 
+from phil_node.cycle_counts import CycleCounts
+
 LARGEST_FORCE = 1e6
 """N, no contact force: the wire would not come back from where it throws it."""
 
@@ -30,14 +32,17 @@ class Sequence:
     """Order of the commands. Cycles missing in between are bridged with the last force, up to `longest` in a row.
 
     A command that is further ahead is a stray, unless the very next one is its successor: then the gap is real.
+    ``counts`` has what was late, lost, doubled and swapped.
     """
 
     def __init__(self, longest: int) -> None:
         self.longest = longest
+        self.counts = CycleCounts()
         self.reset()
 
     def reset(self) -> None:
         """Expect cycle 0."""
+        self.counts.clear()
         self.expected = 0
         self.last_force = 0.0
         self.missing = 0
@@ -48,6 +53,7 @@ class Sequence:
         """Judge a command; on TAKEN, `missing` is the number of cycles to bridge first, with `last_force`."""
         ahead, self._ahead = self._ahead, None
         if cycle < self.expected:
+            self.counts.late += self.counts.take(cycle)
             if cycle < self.expected - 1:
                 return Verdict.STALE
             # Two forces that are no numbers are not told apart: that one was refused, too.
@@ -62,6 +68,7 @@ class Sequence:
             if ahead is None or cycle != ahead + 1:
                 self._ahead = cycle
                 return Verdict.REFUSED
+            self.counts.skip(ahead)
             self.broken = (
                 f"{ahead - self.expected} commands missing before cycle {ahead}, "
                 f"at most {self.longest} can be bridged: reset"
@@ -84,5 +91,10 @@ class Sequence:
 
     def taken(self, cycle: int, force: float) -> None:
         """Note that the command has been carried out."""
+        counts = self.counts
+        if cycle == counts.next:
+            counts.next += 1
+        else:
+            counts.odd(cycle)
         self.expected = cycle + 1
         self.last_force = force

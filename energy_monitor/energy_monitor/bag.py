@@ -56,6 +56,11 @@ RIDE_FIELDS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Fields that the analysis uses, by message type; what a type holds beyond them is not decoded."""
 
+_NEWER: Mapping[str, tuple[str, ...]] = {
+    "CycleTiming": ("messages_late", "messages_lost", "messages_doubled", "messages_swapped"),
+}
+"""Fields that are read beside `RIDE_FIELDS` where a bag has them; those of before they were counted lack them."""
+
 _LISTS: Mapping[str, tuple[str, ...]] = {
     "CycleTiming": ("turnaround",),
     "WireShape": ("x", "contact", "carrier", "dropper_x", "dropper_force", "mast_x"),
@@ -303,7 +308,8 @@ class _Reading:
         if part is None:
             short = _short(channel.msgtype)
             try:
-                columns = Columns(channel, self._fields[short], _LISTS.get(short, ()), _THIN.get(short, ()))
+                fields = (*self._fields[short], *self._newer(channel, short))
+                columns = Columns(channel, fields, _LISTS.get(short, ()), _THIN.get(short, ()))
             except BagError as error:
                 several = f"{file.name}: " if len(self._source.files) > 1 else ""
                 if isinstance(error, DefinitionError) and short not in _NEEDED:
@@ -313,6 +319,13 @@ class _Reading:
                 raise _UnusableTypeError(f"{several}{error}") from None
             part = self._parts[file, channel] = Part(channel, file, columns)
         return part
+
+    def _newer(self, channel: Channel, short: str) -> list[str]:
+        """Give the fields that only newer bags have, if this is one of them and all of a ride is asked for."""
+        if self._fields is not RIDE_FIELDS or short not in _NEWER:
+            return []
+        known = {name for name, _ in types_of(channel)[channel.msgtype][1]}
+        return [name for name in _NEWER[short] if name in known]
 
     def rides(self) -> list[FileRide]:
         """Group files by the rides they hold; those that metadata.yaml does not name and hold another are left out."""

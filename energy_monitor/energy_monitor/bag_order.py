@@ -79,7 +79,7 @@ class Joined:
 
 
 def joined(parts: Sequence[Part]) -> Joined:
-    """Join the parts of one topic, whose definitions may differ in type and number of fields.
+    """Join the parts of one topic, whose definitions may differ in type and number of fields; what all have is kept.
 
     Raises BagError if a field is a number in one and a list in the other.
     """
@@ -99,7 +99,8 @@ def joined(parts: Sequence[Part]) -> Joined:
     if len(found) < 2:
         empty = np.zeros(0, np.int64)
         return Joined(times[0], places[0], found[0]) if found else Joined(empty, empty, {})
-    columns = {name: _concatenated(parts[0].channel, name, [entry[name] for entry in found]) for name in found[0]}
+    common = [name for name in found[0] if all(name in entry for entry in found)]
+    columns = {name: _concatenated(parts[0].channel, name, [entry[name] for entry in found]) for name in common}
     return Joined(np.concatenate(times), np.concatenate(places), columns)
 
 

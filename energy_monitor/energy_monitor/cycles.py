@@ -13,6 +13,8 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import Generic, TypeVar
 
+from phil_node.cycle_counts import CycleCounts
+
 T = TypeVar("T")
 
 AHEAD = 1000
@@ -76,6 +78,8 @@ class CycleMatcher(Generic[T]):
         if not streams or window < 2:
             raise ValueError("at least one stream and a window of 2 cycles are needed")
         self.streams = tuple(streams)
+        self.counts = tuple(CycleCounts() for _ in streams)
+        """What was late, lost, doubled and swapped, by stream."""
         self.window = window
         self.capacity = max(capacity, 2 * window)
         self.clear()
@@ -83,6 +87,8 @@ class CycleMatcher(Generic[T]):
     def clear(self) -> None:
         """Wait for cycle 0 again."""
         count = len(self.streams)
+        for counts in self.counts:
+            counts.clear()
         self.next = 0
         """First cycle that is neither complete nor given up."""
         self.complete = 0
@@ -99,11 +105,17 @@ class CycleMatcher(Generic[T]):
 
     def accept(self, stream: int, cycle: int, payload: T) -> Arrival:
         """Take the message of ``cycle`` from ``stream`` (index into ``streams``); NEW and OUT_OF_ORDER are kept."""
-        waiting = self._waiting[stream]
+        waiting, counts = self._waiting[stream], self.counts[stream]
+        if cycle == counts.next:
+            counts.next += 1
+            first = True
+        else:
+            first = counts.odd(cycle)
         if cycle in waiting:
             self.duplicates += 1
             return Arrival.DUPLICATE
         if cycle < self.next:
+            counts.late += first
             if any(first <= cycle < end for first, end in self._gaps[stream]):
                 self.stale += 1
                 return Arrival.STALE

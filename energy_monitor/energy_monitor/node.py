@@ -35,6 +35,7 @@ DEEP, DEEP_KEPT = _deep(CYCLE), _deep(CYCLE_KEPT)
 RIG_NUMBERS = ("w_tr", "v_tr", "f_tr", "work", "impulse")
 COMMAND_NUMBERS = ("f_tr", "f_predicted", "f_cor", "f_cat")
 CATENARY_NUMBERS = ("w_cat", "speed", "v_cat", "f_cat", "work", "impulse")
+INPUTS = (topics.RIG_STATE, topics.COMMAND, topics.CATENARY_STATE)
 METERS = ("work_tr", "work_cat", "impulse_tr", "impulse_cat")
 BOOK_NUMBERS = ("delta_e", "delta_p", "delta_work", *METERS, "exchanged_energy", "exchanged_momentum")
 
@@ -43,6 +44,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
     """Wires the messages to :class:`energy_monitor.audit.Audit`."""
 
     threads_role = "listen"
+    cycle_role = "listen"
 
     def __init__(self) -> None:
         """Declare the parameters."""
@@ -59,6 +61,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         parameters = self.parameters
         self._standard = chosen(parameters.limits.file, parameters.limits.standard)
         self._audit = Audit(parameters, self.timing.refuse)
+        self.timing.inputs = dict(zip(INPUTS, self._audit.matcher.counts, strict=True))
         self._quality_writer = Plan(ContactQuality, "rig").writer()
         self._books_writer = Plan(ConservedQuantities, "rig").writer()
         self._initial: Any = None

@@ -41,6 +41,8 @@ CASES = ("off", "active", "capped", "projected", "dead zone", "settled")
 class ImpedanceNode(PhilNode[Parameters]):
     """Answers each pair of rig and catenary state with a command, in order, and keeps the books."""
 
+    cycle_role = "controller"
+
     def __init__(self) -> None:
         super().__init__("impedance_mpc", Parameters)
         self.serve(SetBool, "~/set_correction", self._set_correction)
@@ -65,6 +67,10 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.commands = self.send_cycles(ImpedanceCommand, "impedance_mpc/command", CYCLE_KEPT, peers=2)
         self.books = self.publish_on(ConservedQuantities, "impedance_mpc/conserved_quantities", CYCLE)
         self.time_cycles(self.parameters.cycle_time)
+        self.timing.inputs = {
+            "test_rig_sim/state": self.pairs.of_rig,
+            "catenary_model/state": self.pairs.of_catenary,
+        }
         self.receive_cycles(CatenaryState, "catenary_model/state", CYCLE, self._take_catenary)
         self.receive_cycles(RigState, "test_rig_sim/state", CYCLE, self._take_rig)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from enum import Enum
 from typing import Generic, TypeVar
 
+from phil_node.cycle_counts import CycleCounts
+
 R = TypeVar("R")
 C = TypeVar("C")
 S = TypeVar("S")
@@ -28,7 +30,8 @@ class Arrival(Enum):
 class Stream(Generic[S]):
     """States of one sender, in order; ``front`` is the cycle after the newest one taken.
 
-    ``refused`` counts strays, ``swapped`` states that came before the one that they follow.
+    ``refused`` counts strays, ``swapped`` states that came before the one that they follow; ``counts`` has what
+    was late, lost, doubled and swapped among the states that were no strays.
 
     A sender sends its cycles without a gap. A state that is ahead of the next one is a stray, unless the very next
     message is its successor: then the stream has gone on there and what lies between is lost. If what lies between is
@@ -41,12 +44,14 @@ class Stream(Generic[S]):
         self.refused = 0
         self.swapped = 0
         self.front = 0
+        self.counts = CycleCounts()
         self._ahead: tuple[int, S] | None = None
 
     def clear(self) -> None:
         """Expect cycle 0."""
         self.states.clear()
         self.refused = self.swapped = self.front = 0
+        self.counts.clear()
         self._ahead = None
 
     def add(self, cycle: int, state: S, expected: int) -> Arrival:
@@ -54,11 +59,14 @@ class Stream(Generic[S]):
         if cycle > expected + LONGEST:
             self.refused += 1
             return Arrival.REFUSED
-        ahead, self._ahead = self._ahead, None
+        ahead, self._ahead, counts = self._ahead, None, self.counts
         front = max(self.front, expected)
         follows = ahead is not None and front < cycle == ahead[0] + 1
         if ahead is not None and follows:
-            self.swapped += ahead[0] == front
+            counts.take(ahead[0])
+            if ahead[0] == front:
+                self.swapped += 1
+                counts.swapped += 1
             self.states[ahead[0]] = ahead[1]
         elif ahead is not None and cycle == front == ahead[0] - 1:
             # Perhaps these two were swapped: then the next one is the successor of the one that is kept aside.
@@ -66,6 +74,7 @@ class Stream(Generic[S]):
         elif ahead is not None:
             self.refused += 1
         if cycle < expected:
+            counts.late += counts.take(cycle)
             return Arrival.REPEATED if cycle == expected - 1 else Arrival.STALE
         if cycle > front and not follows:
             self._ahead = (cycle, state)
@@ -75,9 +84,14 @@ class Stream(Generic[S]):
             for number in farther:
                 del self.states[number]
             self.refused += len(farther)
+            counts.rewind(cycle)
             front = cycle
         self.states[cycle] = state
         self.front = max(front, cycle + 1)
+        if cycle == counts.next:
+            counts.next += 1
+        else:
+            counts.odd(cycle)
         return Arrival.NEW
 
     def drop_until(self, cycle: int) -> None:
@@ -100,6 +114,7 @@ class CyclePairs(Generic[R, C]):
         self._waited = 0  # states of the rig since one could be answered
         self._rig: Stream[R] = Stream()
         self._catenary: Stream[C] = Stream()
+        self.of_rig, self.of_catenary = self._rig.counts, self._catenary.counts
 
     @property
     def swapped(self) -> int:

@@ -67,6 +67,8 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
 
     threads_role = "transport"
     """Role (``scheduling.ROLES``) of the process's threads that have no other."""
+    cycle_role = "controller"
+    """Role of the thread of its cycle."""
 
     def __init__(self, name: str, model: type[P]) -> None:
         try:
@@ -83,7 +85,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.lock = threading.RLock()
         self.failure: BaseException | None = None
         self._outbox = Outbox()
-        self._thread = CycleThread(self.lock, self._fail, self._look_for_peers)
+        self._thread = CycleThread(self.lock, self._fail, self._look_for_peers, self.cycle_role)
         self._receivers: list[Receiver] = []
         self._outlets: list[Outlet] = []
         self._diagnostics: Topic | None = None

@@ -44,6 +44,7 @@ class CycleThread:
         lock: of the node's state; who touches that in another thread holds it, too.
         failed: is told of an exception of a callback, which ends the thread.
         look: is called first and then four times a second, for peers that come.
+        role: of the thread (``scheduling.ROLES``).
     """
 
     def __init__(
@@ -51,9 +52,10 @@ class CycleThread:
         lock: threading.RLock,  # type: ignore[valid-type]  # a function before Python 3.13
         failed: Callable[[BaseException], None],
         look: Callable[[], None],
+        role: str = "controller",
     ) -> None:
         self._lock: Any = lock
-        self._failed, self._look = failed, look
+        self._failed, self._look, self._role = failed, look, role
         self._readers: dict[int, Callable[[], None]] = {}
         self._timers: list[CycleTimer] = []
         self._thread: threading.Thread | None = None
@@ -106,7 +108,7 @@ class CycleThread:
 
     def _run(self) -> None:
         try:
-            set_thread("cycle")
+            set_thread(self._role)
             while self._running:
                 self._turn()
         except BaseException as error:

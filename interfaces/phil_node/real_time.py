@@ -7,6 +7,7 @@ thread or by process; none changes a number of a ride, all change when it comes.
 from __future__ import annotations
 
 import ctypes
+import os
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,7 @@ from phil_node import memory
 from phil_node.parameters import Group, parameter
 from phil_node.scheduling import (
     CYCLE,
+    IN_CYCLE,
     MIDDLE,
     Answer,
     cpus_of,
@@ -28,6 +30,7 @@ from phil_node.scheduling import (
 )
 
 FIFO, ORDINARY = "fifo", "ordinary"
+TOGETHER = "together"
 PR_SET_TIMERSLACK, PR_GET_TIMERSLACK = 29, 30
 STACK = 256 * 1024
 """Bytes of stack that a thread with a role has at hand: several times what a cycle was seen to use."""
@@ -51,7 +54,10 @@ class RealTime(Group):
         high=98,
     )
     cpus: str = parameter("CPUs for all threads, as in 2,4-6; empty: those that the process has")
-    cycle_cpus: str = parameter("CPUs for the cycle's thread; empty: as cpus")
+    cycle_cpus: str = parameter(
+        f"CPUs for the cycle's thread; {TOGETHER}: the last one that the process has, which all nodes of the loop then "
+        "share, whose cycles follow one another (with fifo, in real time); empty: as cpus"
+    )
     lock_memory: bool = parameter("Keep in memory what the process has touched (mlockall), swapped out by nobody")
     keep_heap: bool = parameter("Let malloc keep what is freed, instead of giving it back to the system")
     heap_reserve: float = parameter(
@@ -71,7 +77,8 @@ class RealTime(Group):
     @field_validator("cpus", "cycle_cpus")
     @classmethod
     def _is_list(cls, text: str) -> str:
-        cpus_of(text)
+        if text != TOGETHER:
+            cpus_of(text)
         return text
 
 
@@ -153,11 +160,27 @@ def _give(thread: int, role: str) -> Answer:
     if wanted is None:
         return Answer("nothing yet")
     answer = _scheduled(wanted, [thread], role, _STANDING.level)
-    granted.take(f"scheduling of {role}", answer)
-    cpus = cpus_of(wanted.cycle_cpus) if role == "cycle" else frozenset()
-    granted.take(f"CPUs of {role}", stay_on([thread], cpus or cpus_of(wanted.cpus)))
+    name = "cycle" if role in IN_CYCLE else role
+    granted.take(f"scheduling of {name}", answer)
+    cpus = _for_cycle(wanted, answer, _STANDING.level) if role in IN_CYCLE else frozenset()
+    # The main thread has those of the process, whatever this one was given before.
+    everywhere = cpus_of(wanted.cpus) or frozenset(os.sched_getaffinity(os.getpid()))
+    granted.take(f"CPUs of {name}", stay_on([thread], cpus or everywhere))
     _slack([thread], wanted.timer_slack)
     return answer
+
+
+def _for_cycle(wanted: RealTime, scheduled: Answer, level: bool) -> frozenset[int]:
+    """Give the CPUs for the cycle's thread; none: as the others.
+
+    On one CPU the next node of the loop has what it needs in its caches, and wakes without a signal from CPU to CPU.
+    Without SCHED_FIFO whatever else runs there would be in its way.
+    """
+    if wanted.cycle_cpus != TOGETHER:
+        return cpus_of(wanted.cycle_cpus)
+    if level or not scheduled.granted.startswith("SCHED_FIFO"):
+        return frozenset()
+    return frozenset((max(cpus_of(wanted.cpus) or os.sched_getaffinity(0)),))
 
 
 def _scheduled(wanted: RealTime, threads: list[int], role: str, level: bool) -> Answer:

@@ -12,11 +12,20 @@ from pathlib import Path
 
 PRIORITY = 40
 """Of SCHED_FIFO (1 to 99): above every ordinary process, below the kernel's interrupt threads (50)."""
-ROLES: Mapping[str, int] = {"cycle": 45, "transport": PRIORITY, "publish": PRIORITY, "listen": 35}
-"""Priority by role in real time. cycle: computes what the next node waits for. transport: executor and middleware.
-publish: hands to the middleware what the cycle has left; the same as transport, with which it shares the locks of a
-writer: a holder of lower priority would make all of them wait for it. listen: all threads of monitor and recorder."""
-CYCLE = ROLES["cycle"]
+ROLES: Mapping[str, int] = {
+    "rig": 45,
+    "controller": 44,
+    "environment": 43,
+    "transport": PRIORITY,
+    "publish": PRIORITY,
+    "listen": 35,
+}
+"""Priority by role in real time. rig, controller, environment: the threads of the cycle, each of which computes what
+the next one waits for; they share a CPU, and whoever has to move the drive goes before who has sent what it waits for.
+transport: executor and middleware. publish: hands over what the cycle has left. listen: all threads of monitor and
+recorder."""
+IN_CYCLE = ("rig", "controller", "environment")
+CYCLE = ROLES["rig"]
 MIDDLE = "transport"
 TASKS = Path("/proc/self/task")
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import array
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
+
+from phil_node.cycle_counts import CycleCounts
 
 BATCH = 50
 """Cycles in one CycleTiming message: ten messages a second at 500 Hz."""
@@ -35,7 +37,10 @@ class Refusal:
 
 
 class Timing:
-    """Stopwatch and counters of one node; ``late``, ``missing``, ``stale``, ``refused`` count since :meth:`clear`."""
+    """Stopwatch and counters of one node; ``late``, ``missing``, ``stale``, ``refused`` count since :meth:`clear`.
+
+    ``inputs`` are the counts of the cyclic topics that the node receives, by topic; their owners count and clear them.
+    """
 
     def __init__(self) -> None:
         self.budget = 0.002
@@ -44,6 +49,7 @@ class Timing:
         self.stale = 0
         self.refused = 0
         self.count_overruns = True
+        self.inputs: Mapping[str, CycleCounts] = {}
         self._send: Callable[[Any], None] | None = None
         self._message: Any = None
         self._batch = np.zeros(BATCH, dtype=np.float32)
@@ -156,12 +162,23 @@ class Timing:
         message.turnaround = array.array("f", self._batch[: self._filled].tobytes())
         message.late, message.missing = self.late, self.missing
         message.stale, message.refused = self.stale, self.refused
+        message.messages_late, message.messages_lost, message.messages_doubled, message.messages_swapped = self._sums()
         self._filled = 0
         self._send(message)
 
     def finish(self) -> None:
         """Send what the batch still holds under the last cycle that was measured (before the node falls silent)."""
         self.flush(self._header, self._cycle)
+
+    def _sums(self) -> tuple[int, int, int, int]:
+        """Give how many messages came late, never, twice and behind a later one, all inputs together."""
+        late = lost = doubled = swapped = 0
+        for counts in self.inputs.values():
+            late += counts.late
+            lost += counts.lost
+            doubled += counts.doubled
+            swapped += counts.swapped
+        return late, lost, doubled, swapped
 
     def summary(self) -> dict[str, str]:
         """Give the figures for /diagnostics: median, p99 and maximum in ms of the recent cycles, and the counters."""
@@ -174,6 +191,7 @@ class Timing:
                 "turnaround p99 ms": f"{p99 * 1e3:.3f}",
                 "turnaround max ms": f"{float(recent.max()) * 1e3:.3f}",
             }
+        late, lost, doubled, swapped = self._sums()
         return (
             figures
             | {
@@ -182,6 +200,11 @@ class Timing:
                 "missing": str(self.missing),
                 "stale": str(self.stale),
                 "refused": str(self.refused),
+                "messages late": str(late),
+                "messages lost": str(lost),
+                "messages doubled": str(doubled),
+                "messages swapped": str(swapped),
             }
+            | {f"input {topic}": str(counts) for topic, counts in self.inputs.items()}
             | {f"{REASON}{refusal.text}": str(refusal.count) for refusal in self._refusals.values()}
         )

@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
+from phil_node.cycle_counts import CycleCounts
 from phil_node.diagnosis import SILENT
 from phil_node.qos import CYCLE, VIEW
 from test_rig_sim.diagnosis import diagnosis, missing_command, missing_listeners, to_go_on
@@ -39,8 +40,11 @@ class RigNode(PhilNode[Parameters]):
     one thread calls any of this.
     """
 
+    cycle_role = "rig"
+
     def __init__(self) -> None:
         super().__init__("test_rig_sim", Parameters)
+        self._commands = CycleCounts()
         self._tripped = ""  # why an earlier ride ended in a retract; only a reset forgives it
         self.serve(Trigger, "test_rig_sim/emergency_stop", self._serve_emergency_stop)
         self.serve(Trigger, "test_rig_sim/land", self._serve_land)
@@ -66,6 +70,7 @@ class RigNode(PhilNode[Parameters]):
         self._joints_out = self.publish_on(JointState, "test_rig_sim/joint_states", VIEW)
         self._wrench_out = self.publish_on(WrenchStamped, "test_rig_sim/contact_force", VIEW)
         self.time_cycles(p.cycle_time, count_overruns=False)
+        self.timing.inputs = {"impedance_mpc/command": self._commands}
         self.receive_cycles(ImpedanceCommand, "impedance_mpc/command", CYCLE, self._take_command)
         self.every(0.02, self._look_around)
         self._tick = self.cycle_timer(p.cycle_time, self._on_tick)
@@ -104,6 +109,7 @@ class RigNode(PhilNode[Parameters]):
         self._lands_at = self._last_cycle if p.land_at_end else -1
         self._reported = Mode.HOLD
         self._cycle = 0
+        self._commands.clear()
         self._phase = WAITING
         self._command: tuple[float, float] | None = None
         self._answered = self._old_plan = False
@@ -120,12 +126,14 @@ class RigNode(PhilNode[Parameters]):
     # The cycle -------------------------------------------------------------------------------------------------
 
     def _take_command(self, message: ImpedanceCommand) -> None:
-        cycle = message.cycle
+        cycle, counts = message.cycle, self._commands
         if self._phase == WAITING or cycle > self._cycle:
             # From before a reset: nobody can have answered a cycle that was not published.
             self.timing.stale += 1
             return
         if cycle <= self._newest:
+            if cycle < counts.next:
+                counts.late += counts.odd(cycle)
             # The newest one comes twice when the state was published twice; never with other numbers.
             if cycle < self._newest:
                 self.timing.stale += 1
@@ -140,9 +148,14 @@ class RigNode(PhilNode[Parameters]):
             self.timing.refused += 1
             why = self._supervisor.objection(message.u_tr, message.u_tr_next)
             self.timing.refuse(f"command {cycle} was refused: {why}")
+        elif cycle == counts.next:
+            counts.next += 1
+        else:
+            counts.odd(cycle)
         if cycle < self._cycle:
             # Too late for its own cycle, but its prediction is the newest there is.
             if admissible:
+                counts.late += 1
                 self._supervisor.predict(message.u_tr_next)
             return
         # A refused command leaves the cycle without one; the supervisor bridges it like a late one.

@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from catenary_model.sequence import Sequence, Verdict
 
@@ -86,3 +88,56 @@ def test_a_stray_that_is_too_far_ahead_does_not_break(stray: int) -> None:
     sequence.judge(stray, 7.0)
     sequence.reset()
     assert sequence.judge(stray + 1, 7.0) is Verdict.REFUSED
+
+
+def counts_of(sequence: Sequence) -> tuple[int, int, int, int]:
+    counts = sequence.counts
+    return counts.late, counts.lost, counts.doubled, counts.swapped
+
+
+@pytest.mark.parametrize(
+    ("cycles", "wanted"),
+    [
+        ((0, 1, 4), (0, 2, 0, 0)),
+        ((0, 1, 4, 3), (1, 1, 0, 1)),  # bridged when it came
+        ((0, 1, 1, 0, 2), (0, 0, 2, 0)),
+        ((0, 2, 1, 3), (1, 0, 0, 1)),  # the wire does not wait: what was swapped is late
+        ((0, 1, 50, 51, 2), (0, 48, 0, 0)),  # a gap that is too long: the wire stands before it
+        ((0, 1, 50, 2), (0, 0, 0, 0)),  # a stray
+    ],
+)
+def test_late_lost_doubled_and_swapped_are_counted(cycles: tuple[int, ...], wanted: tuple[int, ...]) -> None:
+    sequence = Sequence(10)
+    for cycle in cycles:
+        if sequence.judge(cycle, 1.0) is Verdict.TAKEN:
+            sequence.taken(cycle, 1.0)
+    assert counts_of(sequence) == wanted
+    sequence.reset()
+    assert counts_of(sequence) == (0, 0, 0, 0)
+
+
+def test_what_is_refused_has_not_come() -> None:
+    sequence = after(0)
+    sequence.judge(1, math.nan)
+    sequence.judge(1, 1.0)
+    sequence.taken(1, 1.0)
+    assert counts_of(sequence) == (0, 0, 0, 0)
+    sequence.judge(2, math.nan)
+    sequence.judge(3, 1.0)
+    sequence.taken(3, 1.0)
+    assert counts_of(sequence) == (0, 1, 0, 0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.integers(0, 30), max_size=60))
+def test_any_order_of_commands_adds_up(cycles: list[int]) -> None:
+    """Every cycle is stepped with its command or bridged; every command was taken, late or there before."""
+    sequence, taken, bridged = Sequence(100), 0, 0
+    for cycle in cycles:
+        if sequence.judge(cycle, 1.0) is Verdict.TAKEN:
+            taken, bridged = taken + 1, bridged + sequence.missing
+            sequence.taken(cycle, 1.0)
+    late, lost, doubled, swapped = counts_of(sequence)
+    assert taken + bridged == sequence.expected == sequence.counts.next
+    assert bridged == lost + late and late == swapped
+    assert len(cycles) == taken + late + doubled

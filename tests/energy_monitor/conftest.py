@@ -232,7 +232,8 @@ def _messages(ride: SyntheticRide, store: Any) -> Iterable[tuple[int, str, str, 
             for node in ("test_rig_sim", "impedance_mpc", "catenary_model", "energy_monitor"):
                 yield at + 3, f"{node}/timing", *make(
                     "CycleTiming", header=header(k, "rig"), cycle=k, budget=TS, turnaround=np.array(batch, np.float32),
-                    late=k // 500, missing=0, stale=0, refused=0,
+                    late=k // 500, missing=0, stale=0, refused=0, messages_late=k // 1000, messages_lost=k // 400,
+                    messages_doubled=len(node), messages_swapped=0,
                 )  # fmt: skip
             batch = []
         if k % 500 == 0:

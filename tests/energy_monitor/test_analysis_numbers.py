@@ -207,6 +207,8 @@ def test_timing(report: Report) -> None:
     assert entry.cycles == 1500 and entry.late == 2 and entry.over_budget == 0
     assert entry.largest == pytest.approx(2.99e-4, rel=1e-6)  # float32
     assert entry.median == pytest.approx(2.495e-4, rel=1e-6)
+    counted = (entry.messages_late, entry.messages_lost, entry.messages_doubled, entry.messages_swapped)
+    assert counted == (1, 3, len("catenary_model"), 0)
 
 
 def test_warnings_are_said_once(report: Report) -> None:

@@ -112,15 +112,21 @@ def test_any_order_of_reading_gives_the_counts_of_the_one_in_step(ride, window):
             taken += feed(matcher, stream, [cycle])
         assert matcher.finished
         counts = matcher.complete, matcher.incomplete, matcher.missing, matcher.missing_cycles
-        return taken, *counts, matcher.duplicates, matcher.stale, matcher.out_of_order
+        by_number = [(of.late, of.lost, of.doubled, of.swapped) for of in matcher.counts]
+        return taken, *counts, matcher.duplicates, matcher.stale, matcher.out_of_order, by_number
+
+    def doubles(stream):
+        return len(stream) - len(set(stream))
 
     in_step = [stream for cycle in range(count) for stream in range(3) for _ in range(streams[stream].count(cycle))]
     found = read(order)
     assert found == read(in_step)
     assert found[0] == [cycle for cycle in range(count) if all(cycle in stream for stream in streams)]
     assert found[3] == [count - len(set(stream)) for stream in streams]
-    assert found[5] == sum(len(stream) - len(set(stream)) for stream in streams)
-    assert found[6:] == (0, 0)
+    assert found[5] == sum(map(doubles, streams))
+    assert found[6:8] == (0, 0)
+    lost = [max(stream, default=-1) + 1 - len(set(stream)) for stream in streams]
+    assert found[8] == [(0, *two, 0) for two in zip(lost, map(doubles, streams), strict=True)]
 
 
 @pytest.mark.parametrize("late", [600, 5000])

@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message
 
 from energy_monitor.audit import Audit
 from energy_monitor.listening import DEPTH
-from energy_monitor.node import DEEP, MonitorNode
+from energy_monitor.node import DEEP, INPUTS, MonitorNode
 from energy_monitor.parameters import Parameters
 from phil_node.cdr import Plan
 from phil_node.parameters import build, defaults
@@ -31,6 +31,7 @@ class Wired(MonitorNode):
         self.__dict__["timing"] = Timing()
         self.__dict__["parameters"] = build(Parameters, defaults("energy_monitor"))
         self._audit = Audit(self.parameters, self.timing.refuse)
+        self.timing.inputs = dict(zip(INPUTS, self._audit.matcher.counts, strict=True))
         self._initial = None
         self._books = []
         self._clear()
@@ -169,3 +170,28 @@ def test_a_node_that_was_held_up_loses_nothing():
     assert node._books == list(range(0, late, 10))
     assert node._audit.agreement.compared == late // 10 - 1
     assert node._audit.complaints(0.0, 1.0) == []
+
+
+def test_late_lost_doubled_and_swapped_messages_are_counted_by_topic():
+    node, window = Wired(), build(Parameters, defaults("energy_monitor")).window
+    node.timing.connect(CycleTiming(), lambda message: None, 0.002)
+    count = window + 40
+    for k in range(count):
+        node._on_catenary(CatenaryState(cycle=k, speed=50.0))
+        if k not in (10, 20):
+            node._on_command(ImpedanceCommand(cycle=k))
+        node._on_rig(RigState(cycle={30: 31, 31: 30}.get(k, k), f_tr=100.0))
+    assert node._audit.matcher.missing == [0, 2, 0]
+    node._on_command(ImpedanceCommand(cycle=10))  # given up: the books are beyond it
+    node._on_command(ImpedanceCommand(cycle=5))
+    node._on_catenary(CatenaryState(cycle=count - 1, speed=50.0))
+    figures = node.timing.summary()
+    assert {key: value for key, value in figures.items() if key.startswith("input")} == {
+        "input test_rig_sim/state": "late 0, lost 0, doubled 0, swapped 1",
+        "input impedance_mpc/command": "late 1, lost 1, doubled 1, swapped 1",
+        "input catenary_model/state": "late 0, lost 0, doubled 1, swapped 0",
+    }
+    matcher = node._audit.matcher
+    assert (matcher.duplicates, matcher.out_of_order, matcher.stale) == (2, 1, 1)
+    node.start()
+    assert node.timing.summary()["input impedance_mpc/command"] == "late 0, lost 0, doubled 0, swapped 0"

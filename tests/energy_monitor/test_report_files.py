@@ -20,11 +20,14 @@ from rich.console import Console
 
 import energy_monitor
 import phil_node
+from energy_monitor.analysis import Settings, analyse
+from energy_monitor.bag import read_bag
 from energy_monitor.report import ReportError, summary_table, write_report
 from energy_monitor.report.cli import main
-from energy_monitor.report.document import document
+from energy_monitor.report.document import document, document_text
 from energy_monitor.report.html import page
 from energy_monitor.report.results import Report
+from energy_monitor.report.verdicts import read_limits
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 FIGURES = {"displacement", "contact_force", "spectrum", "conservation", "correction", "wires", "timing"}
@@ -212,6 +215,37 @@ def test_a_bag_of_an_earlier_version_is_refused_in_one_line(
     fields = ", ".join(name.split(".")[1] for name in lacking)
     assert f"{lacking[0].split('.')[0]} in this bag has no field {fields}: it was recorded by another version" in error
     assert error.startswith("analyze: ") and error.count("\n") == 1
+
+
+COUNTS = tuple(f"CycleTiming.messages_{kind}" for kind in ("late", "lost", "doubled", "swapped"))
+
+
+@pytest.mark.parametrize("lacking", [COUNTS, ()], ids=["before they were counted", "counted"])
+def test_what_was_late_lost_doubled_and_swapped_is_told_or_not_known(
+    synthetic: Callable[..., Path], tmp_path: Path, lacking: tuple[str, ...]
+) -> None:
+    bag = read_bag(synthetic(tmp_path / "bag", cycles=550, lacking=lacking))
+    report = analyse(bag, Settings(run_in=0.3), read_limits())
+    timing = json.loads(document_text(report))["timing"]
+    assert [entry["late"] for entry in timing] == [1] * 4
+    names = [name.split(".")[1] for name in COUNTS]
+    found = [[entry[name] for name in names] for entry in timing]
+    assert found == ([[None] * 4] * 4 if lacking else [[0, 1, len(entry["node"]), 0] for entry in timing])
+    section = page(report, {}).split("<h3>Late, lost, doubled, swapped</h3>")[1].split("<h2>")[0]
+    assert ("Not known: this bag was recorded before" in section) is bool(lacking)
+    rows = re.findall(r"<code>(\w+)</code></td>(.*)</tr>", section)
+    assert len(rows) == (0 if lacking else 4)
+    for node, cells in rows:
+        assert re.findall(r">(\d+)<", cells) == ["0", "1", str(len(node)), "0"]
+
+
+def test_parts_of_a_bag_of_before_and_after_have_what_both_have(synthetic: Callable[..., Path], tmp_path: Path) -> None:
+    (tmp_path / "both").mkdir()
+    for name, first, lacking in (("a", 0, ()), ("b", 300, COUNTS)):
+        (file,) = synthetic(tmp_path / name, cycles=300, first=first, lacking=lacking).glob("*.mcap")
+        file.rename(tmp_path / "both" / f"{name}.mcap")
+    timing = read_bag(tmp_path / "both").tables["/test_rig_sim/timing"]
+    assert len(timing) == 12 and timing["late"][-1] == 1 and "messages_lost" not in timing.columns
 
 
 @pytest.mark.parametrize("name", ["tiny", "tiny.mcap", "tiny.db3", "/dev/null"])

@@ -148,6 +148,33 @@ def test_bad_numbers_are_refused_and_a_gap_is_bridged(bench):
     assert bench.node.timing.missing == 3
 
 
+def test_late_lost_doubled_and_swapped_states_are_counted(bench):
+    """The policy of each: lost and late cycles have no command, doubled ones the same again, swapped ones in order."""
+    bench.go()
+    node, sent = bench.node, []
+    node.commands = SimpleNamespace(publish=lambda writer: sent.append(writer.message.cycle))
+
+    def take(states):
+        del sent[:]
+        for sender, *number in states.split():
+            k = int("".join(number))
+            node._take_rig(rig_state(k)) if sender == "r" else node._take_catenary(catenary_state(k))
+        return list(sent)
+
+    assert take("r0 c0 r1 c1 r2 c2") == [0, 1, 2]
+    assert take("r2 c2 r1 c1") == [2]
+    assert take("r4 c3 r3 c4 r5 c5") == [3, 4, 5]
+    assert take("r8 r9 c6") == [8]  # 6 and 7 are lost: the wire's next state is all there is
+    assert take("r7 c7 c8 c9") == [9]  # what the wire bridged comes behind
+    found = node._diagnosis().values
+    assert found["input test_rig_sim/state"] == "late 1, lost 1, doubled 2, swapped 2"
+    assert found["input catenary_model/state"] == "late 2, lost 0, doubled 2, swapped 0"
+    kinds = ("late", "lost", "doubled", "swapped")
+    assert [found[f"messages {kind}"] for kind in kinds] == ["3", "1", "4", "2"]
+    node.reset()
+    assert node._diagnosis().values["input test_rig_sim/state"] == "late 0, lost 0, doubled 0, swapped 0"
+
+
 def test_reset_starts_at_cycle_zero_and_correction_is_switched_by_service(bench):
     bench.go()
 

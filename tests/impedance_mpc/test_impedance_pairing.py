@@ -127,6 +127,11 @@ def test_two_states_that_were_swapped_are_both_taken_and_counted(side, at):
         found += drain(pairs)
     assert found == [(k, "r", "c") for k in range(60)]
     assert (pairs.missing, pairs.refused, pairs.swapped) == (0, 0, 1)
+    counts = (pairs.of_rig, pairs.of_catenary) if side == "rig" else (pairs.of_catenary, pairs.of_rig)
+    assert list(map(str, counts)) == [
+        "late 0, lost 0, doubled 0, swapped 1",
+        "late 0, lost 0, doubled 0, swapped 0",
+    ]
 
 
 def test_the_catenary_is_asked_again_for_a_state_that_does_not_come():
@@ -221,3 +226,48 @@ def test_any_order_of_two_complete_streams_gives_every_cycle_once(order):
         found += drain(pairs)
     assert found == [(k, k, k) for k in range(min(rig, catenary))]
     assert pairs.missing == 0
+
+
+def test_late_lost_and_doubled_states_are_counted_by_sender():
+    pairs, found = CyclePairs(), []
+    for k in (0, 1, 1, 0, 4, 5):  # the rig: 2 and 3 are lost, as the next two show
+        pairs.add_rig(k, f"r{k}")
+        if k < 3:
+            pairs.add_catenary(k, f"c{k}")
+        found += drain(pairs)
+    assert str(pairs.of_rig) == "late 0, lost 2, doubled 2, swapped 0"
+    assert str(pairs.of_catenary) == "late 0, lost 0, doubled 2, swapped 0"
+    pairs.add_catenary(2, "c2")
+    found += drain(pairs)
+    pairs.add_rig(3, "r3")  # its cycle is over
+    for k in (3, 4, 5):  # what the wire bridged, behind the command that made it: 3 and 4 are over, too
+        pairs.add_catenary(k, f"c{k}")
+    found += drain(pairs)
+    assert found == [(0, "r0", "c0"), (1, "r1", "c1"), (4, "r4", "c2"), (5, "r5", "c5")]
+    assert str(pairs.of_rig) == "late 1, lost 1, doubled 2, swapped 1"
+    assert str(pairs.of_catenary) == "late 2, lost 0, doubled 2, swapped 0"
+    pairs.clear()
+    assert str(pairs.of_rig) == str(pairs.of_catenary) == "late 0, lost 0, doubled 0, swapped 0"
+
+
+def test_states_of_before_a_reset_are_not_in_the_counts_of_the_ride():
+    pairs = CyclePairs()
+    for k in (50, 51, 52, *range(60)):
+        pairs.add_rig(k, k)
+    assert str(pairs.of_rig) == "late 0, lost 0, doubled 0, swapped 0"
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.booleans(), st.integers(0, 15)), max_size=50))
+def test_any_order_of_states_adds_up(messages):
+    """Each state is used or kept, doubled, or refused, or still looked at; each cycle has come or is lost."""
+    pairs = CyclePairs()
+    for of_rig, cycle in messages:
+        (pairs.add_rig if of_rig else pairs.add_catenary)(cycle, cycle)
+        drain(pairs)
+    for stream, of_rig in ((pairs._rig, True), (pairs._catenary, False)):
+        counts, sent = stream.counts, sum(side is of_rig for side, _ in messages)
+        came = counts.next - counts.lost
+        assert sent == came + counts.doubled + stream.refused + (stream._ahead is not None)
+        assert 0 <= counts.late <= came and counts.lost >= 0
+        assert len(stream.states) <= came

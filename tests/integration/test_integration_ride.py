@@ -108,6 +108,25 @@ def test_the_turnaround_of_every_cycle_is_in_the_bag(lockstep_ride):
     assert sum(len(batch) for batch in timing.entries("turnaround")) == CYCLES
 
 
+def test_every_node_counts_what_it_receives_and_in_lockstep_nothing_is_late_lost_or_swapped(lockstep_ride):
+    bag = read_bag(lockstep_ride.out / "bag")
+    with Reader(lockstep_ride.out / "bag") as reader:
+        chosen = [c for c in reader.connections if c.topic == "/diagnostics"]
+        said = [bytes(data) for _, _, data in reader.messages(connections=chosen)]
+    command, rig, wire = "impedance_mpc/command", "test_rig_sim/state", "catenary_model/state"
+    inputs = {
+        "catenary_model": {command},
+        "impedance_mpc": {rig, wire},
+        "energy_monitor": {rig, command, wire},
+        "test_rig_sim": {command},
+    }
+    for name, topics in inputs.items():
+        counts = bag.tables[f"/{name}/timing"]
+        assert all(int(counts[f"messages_{kind}"][-1]) == 0 for kind in ("late", "lost", "swapped")), name
+        last = next(message for message in reversed(said) if f"/{name}: cycle".encode() in message)
+        assert {topic for topic in (command, rig, wire) if f"input {topic}".encode() in last} == topics, name
+
+
 def test_every_node_says_what_the_system_has_granted_it(lockstep_ride):
     with Reader(lockstep_ride.out / "bag") as reader:
         chosen = [c for c in reader.connections if c.topic == "/diagnostics"]

@@ -100,12 +100,14 @@ def figures() -> set[str]:
                 keys: list[ast.expr | None] = []
                 if isinstance(node, ast.Dict):
                     keys = list(node.keys)
+                elif isinstance(node, ast.DictComp):
+                    keys = [node.key]
                 elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Subscript):
                     keys = [node.targets[0].slice]
                 elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "take":
                     keys = [node.args[0]]
                 found |= {normal(text) for key in keys if key is not None and (text := template(key))}
-    return found
+    return {key for key in found if re.search("[A-Za-z]", key)}
 
 
 def normal(text: str) -> str:

@@ -14,7 +14,7 @@ from rig_ride import CYCLES, after, rides_of_a_node, sine  # noqa: F401
 from std_srvs.srv import Trigger
 
 from phil_node.base import QUIET
-from test_rig_sim.node import ENDED, WAITING
+from test_rig_sim.node import ASKING, ENDED, WAITING
 from test_rig_sim.supervisor import Mode
 
 pytestmark = pytest.mark.integration
@@ -129,6 +129,55 @@ def test_a_second_command_for_a_cycle_retracts_only_if_it_differs(ride: Any, shi
     assert found.rig.timing.stale == found.rig.timing.refused == 0
     if ends is Mode.RETRACTING:
         assert "two commands for cycle 20 differ" in found.rig.diagnose().message
+
+
+def test_late_lost_doubled_and_swapped_commands_are_counted_and_each_has_its_policy(ride: Any) -> None:
+    """The test makes the ticks itself: `tick` ends a cycle whose command has not come."""
+    found = ride(sine, duration=0.0, late_limit=6)
+    rig = found.rig
+    rig.trigger_configure()
+    rig.trigger_activate()
+    rig._phase = ASKING
+    rig._publish()
+
+    def send(*cycles: int) -> str:
+        for k in cycles:
+            u = sine(k)
+            rig._take_command(ImpedanceCommand(cycle=k, u_tr=u[0], u_tr_next=u[1]))
+        return rig._shown_mode.name
+
+    def tick(times: int = 1) -> str:
+        for _ in range(times):
+            rig._advance()
+        return rig._shown_mode.name
+
+    def counts() -> list[int]:
+        shown = rig._diagnosis().values
+        assert shown["input impedance_mpc/command"] == str(rig._commands)
+        return [int(shown[f"messages {kind}"]) for kind in ("late", "lost", "doubled", "swapped")]
+
+    assert send(*range(20)) == "TRACKING" and counts() == [0, 0, 0, 0]
+    # lost: bridged by the prediction of the command before, then followed again
+    assert tick() == "BRIDGING" and send(21) == "TRACKING" and counts() == [0, 1, 0, 0]
+    # late: its prediction is the newest there is, and bridges another cycle
+    assert tick() == "BRIDGING" and send(22) == "BRIDGING" and counts() == [1, 1, 0, 0]
+    assert tick() == "BRIDGING" and send(24) == "TRACKING" and counts() == [1, 2, 0, 0]
+    # doubled: nothing happens
+    before = rig._cycle
+    assert send(24, 24, 3) == "TRACKING" and counts() == [1, 2, 3, 0] and rig._cycle == before == 25
+    # swapped: the newer one is followed, the older one is late
+    assert tick() == "BRIDGING" and send(26, 25) == "TRACKING" and counts() == [2, 2, 3, 1]
+    # lost for longer: bridged, held, and followed again if it comes before `late_limit`
+    assert tick(2) == "HOLDING" and tick(3) == "HOLDING" and send(32) == "TRACKING" and counts() == [2, 7, 3, 1]
+    assert tick(5) == "HOLDING" and tick() == "RETRACTING"
+    assert "6 successive cycles without a usable command (6 late, 0 refused)" in rig.diagnose().message
+    assert send(38) == "RETRACTING" and counts() == [3, 12, 3, 1]
+    # refused: it has not come
+    rig._take_command(ImpedanceCommand(cycle=39, u_tr=math.nan))
+    assert send(40) == "RETRACTING" and counts() == [3, 13, 3, 1]
+    assert (rig.timing.stale, rig.timing.refused) == (2, 1)
+    rig.reset()
+    assert counts() == [0, 0, 0, 0]
 
 
 def test_commands_of_an_old_plan_are_followed_until_the_solver_has_failed_for_too_long(ride: Any) -> None:

@@ -34,6 +34,11 @@ FALLBACK = 2
 NUMBER = re.compile(r"-?\b\d+(\.\d+)?(e[-+]?\d+)?\b")
 AROUND = 600_000_000_000
 """Time in ns before and after the ride in which its nodes speak; a stamp beyond is not by the clock of the ride."""
+COUNTED = (
+    *("late", "missing", "stale", "refused"),
+    *("messages_late", "messages_lost", "messages_doubled", "messages_swapped"),
+)
+"""What a node counts since cycle 0 and sends with its turnaround; the second four are not in bags of before them."""
 LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
 
@@ -140,7 +145,7 @@ def timing(bag: Bag) -> list[Timing]:
         values = measured.get(node)
         if values is None:
             continue
-        last = {name: int(table[name][-1]) for name in ("late", "missing", "stale", "refused")}
+        last = {name: int(table[name][-1]) for name in COUNTED if name in table.columns}
         budget = float(table["budget"][-1])
         found.append(
             Timing(

@@ -247,7 +247,10 @@ class Catenary:
 
 @dataclass(frozen=True)
 class Timing:
-    """Turnaround of one node over all recorded batches (wall clock)."""
+    """Turnaround of one node over all recorded batches (wall clock), and what it counted.
+
+    The last four are by the cycle numbers of what the node received; None if the bag is of before they were counted.
+    """
 
     node: str
     cycles: int
@@ -260,6 +263,10 @@ class Timing:
     median: float = plain("s")
     p99: float = plain("s")
     largest: float = plain("s")
+    messages_late: int | None = None
+    messages_lost: int | None = None
+    messages_doubled: int | None = None
+    messages_swapped: int | None = None
 
 
 @dataclass(frozen=True)
