@@ -16,7 +16,7 @@ from catenary_model.reach import far_from_nominal
 from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from catenary_model.sequence import Sequence, Verdict
 from phil_node.base import ERROR, OK, WARN, Diagnosis, PhilNode, leave, run
-from phil_node.cdr import Plan
+from phil_node.cdr import OpenWriter, Plan
 from phil_node.diagnosis import SILENT
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED, VIEW
 
@@ -159,7 +159,7 @@ class CatenaryNode(PhilNode[Parameters]):
         self._send_state()
         if c.cycle % self._shape_every == 0:
             self._fill_shape()
-            self._shape_publisher.publish(self._shape)
+            self._shape_publisher.publish(self._shape_writer)
 
     def _prepare_messages(self) -> None:
         """Make the messages whose arrays the cycle only overwrites."""
@@ -169,10 +169,8 @@ class CatenaryNode(PhilNode[Parameters]):
         self._state.speed = c.config.speed
         self._buffers = [getattr(self._state, field) for field in SEGMENT]
         self._sent_at = 0.0
-        view = c.wire_shape()
-        self._shape = WireShape()
-        self._shape.header.frame_id = FRAME
-        self._shape.x = array("f", view.x.tobytes())
+        self._shape_writer = OpenWriter(WireShape, FRAME)
+        self._shape = self._shape_writer.message
 
     def _fill_shape(self) -> None:
         view, shape = self.catenary.wire_shape(), self._shape
@@ -180,11 +178,9 @@ class CatenaryNode(PhilNode[Parameters]):
         stamp.sec, stamp.nanosec = now.sec, now.nanosec
         shape.cycle = self.catenary.cycle
         shape.track_position = self.catenary.track_position
-        shape.contact = array("f", view.contact.tobytes())
-        shape.carrier = array("f", view.carrier.tobytes())
-        shape.dropper_x = array("f", view.dropper_x.tobytes())
-        shape.dropper_force = array("f", view.dropper_force.tobytes())
-        shape.mast_x = array("f", view.mast_x.tobytes())
+        # Views of what is overwritten next time; they are written out before.
+        shape.x, shape.contact, shape.carrier = view.x, view.contact, view.carrier
+        shape.dropper_x, shape.dropper_force, shape.mast_x = view.dropper_x, view.dropper_force, view.mast_x
 
     def _impedance_model(self) -> ImpedanceModel:
         """Give the reduced model; in lockstep without a stamp, so that two rides are equal to the last bit."""

@@ -38,7 +38,7 @@ from phil_node.real_time import FIFO, Granted, apply
 from phil_node.scheduling import CYCLE as CYCLE_PRIORITY
 from phil_node.scheduling import priority_of
 from phil_node.timing import Timing
-from phil_node.topics import TopicsProcess
+from phil_node.topics import NAMESAKES, TopicsProcess
 
 P = TypeVar("P", bound=Group)
 R = TypeVar("R", bound=Receiver)
@@ -190,6 +190,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
 
     def _topic(self, kind: Any, name: str, qos: QoSProfile) -> Topic:
         full, process = self.resolve_topic_name(name), self._outbox.process
+        serialize_message(kind())  # the first of a kind takes 5 to 50 ms, to find its libraries
         if process is None:
             publisher = self.create_publisher(kind, name, qos, event_callbacks=NO_PUBLISHER_EVENTS)
             self._owned.append((self.destroy_publisher, publisher))
@@ -607,7 +608,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             found = Diagnosis(message="configured" if self.configured else "unconfigured")
         if self._failure:
             found.add(WARN, self._failure)
-        if self.count_services(f"{self.full_name}/reset") > 1:
+        if self._namesakes() > 1:
             found.add(WARN, f"another node on this ROS domain is called {self.full_name}, too: end one of them")
         own = {"process": str(os.getpid()), **self.granted.figures}
         if wanted := len(self._receivers) + sum(outlet.wanted for outlet in self._outlets):
@@ -620,6 +621,13 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         last = {"last incident s ago": self._reporter.since_last(**counts)}
         found.values = {**own, **timing.summary(), **last, **found.values}
         return found
+
+    def _namesakes(self) -> int:
+        """Count the nodes of this name; a look at the graph may wait for DDS, and would keep the cycle waiting."""
+        process = self._outbox.process
+        if process is None:
+            return int(self.count_services(f"{self.full_name}/reset"))
+        return process.counts.get(NAMESAKES, 0)
 
     def _misses_clock(self) -> bool:
         """Tell whether use_sim_time is set without a /clock, and say it once in the log."""

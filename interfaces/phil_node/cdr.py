@@ -186,6 +186,44 @@ class Writer:
         return bytes(self._buffer)
 
 
+class OpenWriter(Writer):
+    """One message whose arrays of four-byte numbers have other lengths each time: set its fields, take `bytes`.
+
+    Raises
+    ------
+    ValueError
+        The message does not end in such arrays, or has something else behind them (`Plan`).
+    """
+
+    def __init__(self, kind: Any, frame_id: str = "") -> None:
+        """Take a class of messages, and the frame of its header."""
+        plan = Plan(kind, frame_id)
+        wide = [name for name, (_, code, _) in plan.arrays.items() if np.dtype(code).itemsize != 4]
+        if wide or not plan.arrays:
+            raise ValueError(f"{kind.__name__}: {', '.join(wide) or 'no array'} has no place that follows from lengths")
+        fixed = plan.writer()
+        super().__init__(fixed.message, fixed._buffer, plan._put)
+        self._arrays = [(name, np.dtype(code)) for name, (_, code, _) in plan.arrays.items()]
+        self._head = min(at for at, _, _ in plan.arrays.values()) - _LENGTH.size
+
+    def bytes(self) -> bytes:
+        """Give the message as it stands in CDR.
+
+        Raises
+        ------
+        struct.error
+            A number is not of its field's type, or too large for it.
+        """
+        self._put(self.message, self._buffer)
+        parts: list[Any] = [memoryview(self._buffer)[: self._head]]
+        for name, code in self._arrays:
+            content = np.ascontiguousarray(getattr(self.message, name), code)
+            parts += (_LENGTH.pack(content.size), content.data)
+        return b"".join(parts)
+
+
+_LENGTH = Struct("<I")
+
 LESSONS = 8
 """Layouts that a reader learns; one that meets more is fed by different senders in turn, and leaves them to rclpy."""
 

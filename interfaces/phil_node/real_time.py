@@ -22,6 +22,7 @@ from phil_node.scheduling import (
     MIDDLE,
     Answer,
     cpus_of,
+    highest_priority,
     own_threads,
     priority_of,
     schedule,
@@ -55,8 +56,9 @@ class RealTime(Group):
     )
     cpus: str = parameter("CPUs for all threads, as in 2,4-6; empty: those that the process has")
     cycle_cpus: str = parameter(
-        f"CPUs for the cycle's thread; {TOGETHER}: the last one that the process has, which all nodes of the loop then "
-        "share, whose cycles follow one another (with fifo, in real time); empty: as cpus"
+        f"CPUs for the cycle's thread; {TOGETHER}: the last one that the process has, for the cycles of all nodes of "
+        "the loop, which follow one another, and the rest for all other threads (with fifo, in real time); "
+        "empty: as cpus"
     )
     lock_memory: bool = parameter("Keep in memory what the process has touched (mlockall), swapped out by nobody")
     keep_heap: bool = parameter("Let malloc keep what is freed, instead of giving it back to the system")
@@ -105,6 +107,8 @@ class _Standing:
     level: bool = False
     granted: Granted = field(default_factory=Granted)
     roles: dict[int, str] = field(default_factory=dict)
+    cpus: frozenset[int] = field(default_factory=lambda: frozenset(os.sched_getaffinity(0)))
+    """What the process was started with."""
     lock: threading.Lock = field(default_factory=threading.Lock)
 
 
@@ -132,7 +136,7 @@ def apply(wanted: RealTime, role: str = MIDDLE, level: bool = False) -> Granted:
         _STANDING.roles = {thread: known for thread, known in _STANDING.roles.items() if thread in threads}
         others = [thread for thread in threads if thread not in _STANDING.roles]
         granted.take("scheduling", _scheduled(wanted, others, role, level))
-        granted.take("CPUs", stay_on(others, cpus_of(wanted.cpus)))
+        granted.take("CPUs", stay_on(others, _for_others(wanted, _first(wanted), level)))
         granted.take("timer slack", _slack(others, wanted.timer_slack))
         for thread, known in _STANDING.roles.items():
             _give(thread, known)
@@ -162,25 +166,43 @@ def _give(thread: int, role: str) -> Answer:
     answer = _scheduled(wanted, [thread], role, _STANDING.level)
     name = "cycle" if role in IN_CYCLE else role
     granted.take(f"scheduling of {name}", answer)
-    cpus = _for_cycle(wanted, answer, _STANDING.level) if role in IN_CYCLE else frozenset()
-    # The main thread has those of the process, whatever this one was given before.
-    everywhere = cpus_of(wanted.cpus) or frozenset(os.sched_getaffinity(os.getpid()))
-    granted.take(f"CPUs of {name}", stay_on([thread], cpus or everywhere))
+    first = answer.granted.startswith("SCHED_FIFO")
+    choose = _for_cycle if role in IN_CYCLE else _for_others
+    granted.take(f"CPUs of {name}", stay_on([thread], choose(wanted, first, _STANDING.level)))
     _slack([thread], wanted.timer_slack)
     return answer
 
 
-def _for_cycle(wanted: RealTime, scheduled: Answer, level: bool) -> frozenset[int]:
-    """Give the CPUs for the cycle's thread; none: as the others.
+def _first(wanted: RealTime) -> bool:
+    return wanted.scheduling == FIFO and highest_priority() > 0
+
+
+def _for_cycle(wanted: RealTime, first: bool, level: bool) -> frozenset[int]:
+    """Give the CPUs for the cycle's thread.
 
     On one CPU the next node of the loop has what it needs in its caches, and wakes without a signal from CPU to CPU.
     Without SCHED_FIFO whatever else runs there would be in its way.
     """
+    all_of_them = _all(wanted)
     if wanted.cycle_cpus != TOGETHER:
-        return cpus_of(wanted.cycle_cpus)
-    if level or not scheduled.granted.startswith("SCHED_FIFO"):
-        return frozenset()
-    return frozenset((max(cpus_of(wanted.cpus) or os.sched_getaffinity(0)),))
+        return cpus_of(wanted.cycle_cpus) or all_of_them
+    return frozenset((max(all_of_them),)) if first and not level else all_of_them
+
+
+def _for_others(wanted: RealTime, first: bool, level: bool) -> frozenset[int]:
+    """Give the CPUs for all other threads.
+
+    Not the one of the cycles: if SCHED_FIFO takes nearly all of a CPU, the kernel gives a twentieth of each second of
+    it to ordinary processes, 50 ms at a stretch.
+    """
+    all_of_them = _all(wanted)
+    if wanted.cycle_cpus != TOGETHER or not first or level:
+        return all_of_them
+    return all_of_them - {max(all_of_them)} or all_of_them
+
+
+def _all(wanted: RealTime) -> frozenset[int]:
+    return cpus_of(wanted.cpus) or _STANDING.cpus
 
 
 def _scheduled(wanted: RealTime, threads: list[int], role: str, level: bool) -> Answer:

@@ -21,6 +21,9 @@ from phil_node.link import LONGEST, Message, Peer, batches, messages_of
 MESSAGES, COMMAND, ACKNOWLEDGED = 0, 1, 2
 """First byte of what goes between the two processes."""
 
+NAMESAKES = 0
+"""Where `TopicsProcess.counts` has the number of nodes of this name on the domain."""
+
 Command = tuple[Any, ...]
 Counts = dict[int, int]
 Kind = tuple[str, str]

@@ -34,7 +34,7 @@ from phil_node.executor import events_executor
 from phil_node.link import LONGEST, batches, messages_of
 from phil_node.publish import publish_bytes
 from phil_node.qos import NO_PUBLISHER_EVENTS, NO_SUBSCRIPTION_EVENTS
-from phil_node.topics import ACKNOWLEDGED, COMMAND, MESSAGES, Command, Counts, kind_of, profile_of
+from phil_node.topics import ACKNOWLEDGED, COMMAND, MESSAGES, NAMESAKES, Command, Counts, kind_of, profile_of
 
 EVERY = 0.004
 """Time in s from one batch of what was heard to the next, when nobody waits for it."""
@@ -66,6 +66,7 @@ class Topics:
 
     def __init__(self, connection: socket.socket, name: str, namespace: str) -> None:
         self._connection = connection
+        self._reset = f"{namespace.rstrip('/')}/{name}/reset"
         self._node = rclpy.create_node(
             name,
             namespace=f"{namespace.rstrip('/')}/topics",
@@ -195,6 +196,7 @@ class Topics:
                 self._node.destroy_subscription(ear.subscription)
                 ear.subscription = None
         counts = {index: int(each.get_subscription_count()) for index, each in self._publishers.items()}
+        counts[NAMESAKES] = self._node.count_services(self._reset)
         if counts != self._counts:
             self._counts = counts
             self._send(bytes([COMMAND]) + pickle.dumps(("counts", counts)))

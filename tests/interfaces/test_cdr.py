@@ -14,7 +14,7 @@ messages = pytest.importorskip("phil_interfaces.msg", reason="the interfaces are
 
 from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
 
-from phil_node.cdr import SEQUENCE, Plan  # noqa: E402
+from phil_node.cdr import SEQUENCE, OpenWriter, Plan  # noqa: E402
 
 KINDS = {
     messages.RigState: ("rig", {}),
@@ -30,6 +30,7 @@ KINDS = {
         {name: size for size, name in enumerate(("x", "contact", "carrier", "dropper_x", "dropper_force", "mast_x"))},
     ),
 }
+OPEN = OpenWriter(messages.WireShape, "train")
 LIMITS = {"uint8": 2**8, "uint16": 2**16, "uint32": 2**32, "uint64": 2**64}
 
 
@@ -78,6 +79,25 @@ def test_plan_and_rclpy_read_and_write_the_same(kind: Any, data: Any) -> None:
     written = writer.bytes()
     assert deserialize_message(written, kind) == message
     assert len(written) == len(encoded) == plan.size
+
+
+@given(data=st.data(), sizes=st.lists(st.integers(0, 9), min_size=6, max_size=6))
+def test_arrays_of_changing_lengths_are_written_as_rclpy_does(data: Any, sizes: list[int]) -> None:
+    """Exact: one writer, whatever the lengths of the message before."""
+    kind, names = messages.WireShape, tuple(KINDS[messages.WireShape][1])
+    message = filled(kind, "train", dict(zip(names, sizes, strict=True)), data.draw)
+    writer = OPEN
+    writer.message.header.stamp = message.header.stamp
+    for name in kind.get_fields_and_field_types():
+        if name != "header":
+            setattr(writer.message, name, getattr(message, name))
+    assert deserialize_message(writer.bytes(), kind) == message
+    assert len(writer.bytes()) == len(serialize_message(message))
+
+
+def test_what_follows_an_array_has_no_open_end() -> None:
+    with pytest.raises(ValueError, match="CatenaryState"):
+        OpenWriter(messages.CatenaryState)
 
 
 @pytest.mark.parametrize("change", [{"frame": "rigs"}, {"sizes": 6}, {"cut": True}])
