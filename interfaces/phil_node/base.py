@@ -614,13 +614,21 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         if wanted := len(self._receivers) + sum(outlet.wanted for outlet in self._outlets):
             linked = sum(receiver.linked for receiver in self._receivers)
             own["links"] = f"{linked + sum(len(outlet.peers) for outlet in self._outlets)} of {wanted}"
-            own["messages by topic only"] = str(sum(outlet.dropped for outlet in self._outlets))
+        if process := self._outbox.process:
+            own["process for topics"] = str(process.pid)
+            own["restarts of it"] = str(process.deaths)
+            own["batches not published"] = str(process.dropped)
+        own["messages dropped by links"] = str(self._dropped())
         if self._misses_clock():
             own["clock"] = "the system's: use_sim_time is set, but nothing came on /clock"
         counts = {"late": timing.late, "missing": timing.missing, "stale": timing.stale, "refused": timing.refused}
         last = {"last incident s ago": self._reporter.since_last(**counts)}
         found.values = {**own, **timing.summary(), **last, **found.values}
         return found
+
+    def _dropped(self) -> int:
+        followed = sum(topic.outlet.dropped for topic in self._outbox.topics if topic.outlet is not None)
+        return followed + sum(outlet.dropped for outlet in self._outlets)
 
     def _namesakes(self) -> int:
         """Count the nodes of this name; a look at the graph may wait for DDS, and would keep the cycle waiting."""

@@ -71,6 +71,7 @@ class TopicsProcess:
         self.lock = threading.Lock()
         self.counts: Counts = {}
         self.deaths = 0
+        self._lost = 0
         self._entries: dict[int, Command] = {}
         self._states: dict[str, Command] = {}
         self._ears: dict[int, Callable[[bytes], None]] = {}
@@ -105,7 +106,7 @@ class TopicsProcess:
     @property
     def dropped(self) -> int:
         """Give the number of batches that it could not take any more."""
-        return self._peer.dropped
+        return self._lost + self._peer.dropped
 
     @property
     def behind(self) -> bool:
@@ -191,6 +192,7 @@ class TopicsProcess:
     def revive(self) -> None:
         """Start it again after it was killed, and tell it all anew."""
         self.deaths += 1
+        self._lost += self._peer.dropped
         with self.lock:
             self._peer.close()
         with suppress(subprocess.TimeoutExpired):

@@ -24,6 +24,7 @@ from bench.realtime.goals import goals
 from bench.realtime.options import RealtimeOptions, WrongUse, add_options, options_from
 from bench.realtime.run import turns
 from bench.realtime.session import Build, Ridden, outcome, processes
+from bench.realtime.standstill import AFTER, read
 from energy_monitor.bag import Table
 from ride.options import ROOT
 
@@ -43,9 +44,13 @@ def timing(node: str, batches: list[tuple[int, list[float]]]) -> Table:
 
 def ridden(build: str, times: list[float], late: int = 0, cpu: float = 100.0, bridged: int = 0) -> Ridden:
     turnaround = {"test_rig_sim": np.array(times)}
-    found = Measured(0, len(times), late, bridged, False, np.arange(late), turnaround, 0, len(times) * TS)
+    found = Measured(
+        0, len(times), late, bridged, False, np.arange(late), np.arange(late), turnaround, 0, len(times) * TS
+    )
     shares = {"test_rig_sim": usage.Share(cpu, 3.0)}
-    return Ridden(build, found, "through", shares, usage.Load(1.0, 0.2, 0.0), {"test_rig_sim": "SCHED_FIFO 40"}, None)
+    return Ridden(
+        build, found, "through", shares, usage.Load(1.0, 0.2, 0.0), {"test_rig_sim": "SCHED_FIFO 40"}, None, read([])
+    )
 
 
 # Figures ---------------------------------------------------------------------------------------------------------
@@ -264,7 +269,7 @@ def test_outcome_of_a_ride() -> None:
     assert outcome(through, 0, False, "") == outcome(through, 130, True, "") == "through"
     assert outcome(through, 1, False, "x\nthe ride failed: the disk is full\n") == "the disk is full"
     assert outcome(through, -9, False, "") == "ended with code -9"
-    retracted = Measured(10, 40, 3, 3, True, np.arange(3), {}, 0, 1)
+    retracted = Measured(10, 40, 3, 3, True, np.arange(3), np.arange(3), {}, 0, 1)
     assert outcome(retracted, 1, False, "the ride failed: 50 late") == "retracted after 50 cycles: 50 late"
 
 
@@ -293,3 +298,27 @@ def test_outcome_can_be_printed_written_and_drawn(builds: int, tmp_path: Path) -
     assert [row["late_cycles"] for row in document["rides"]] == [[0, 1, 2]] * (2 * builds)
     found.pictures["late"](tmp_path / "late.png")
     assert (tmp_path / "late.png").stat().st_size > 10_000
+
+
+def test_late_commands_of_a_standstill_are_told_apart():
+    """A state counts if it was logged while the machine stood, or within the recorder's batch behind; else not."""
+    stood = read(["1000 500", "a remark", "200000000 1000000"])
+    assert stood.longest == 1e-3
+    times = np.array([999, 1000, 1500, 1500 + AFTER, 1501 + AFTER, 200_500_000])
+    assert stood.hit(times) == 4
+    assert stood.within(0, 2000).begin.tolist() == [1000]
+    assert read([]).hit(times) == 0 and read([]).longest == 0.0
+
+
+def test_a_process_that_is_stopped_sees_a_standstill():
+    """A stop of 50 ms is a wake-up that comes too late; what is there otherwise is the machine's."""
+    command = [sys.executable, "-m", "bench.realtime.standstill", str(min(os.sched_getaffinity(0))), "0.002"]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ)
+    time.sleep(1.0)
+    child.send_signal(signal.SIGSTOP)
+    time.sleep(0.05)
+    child.send_signal(signal.SIGCONT)
+    time.sleep(0.1)
+    child.terminate()
+    found = read(child.communicate(timeout=10)[0].splitlines())
+    assert 0.045 < found.longest < 10.0

@@ -16,7 +16,7 @@ class Ride:
     def __init__(self, monkeypatch, messages, *arguments):
         self.now, self.count, self.error = 100.0, 7, None
         self.messages = messages
-        self.complete, self.channels, self.counted = True, [], 0
+        self.complete, self.channels, self.counted, self.discovered = True, [], 0, 0
         monkeypatch.setattr(record, "monotonic", lambda: self.now)
         self.asked = []
         self.period = record.LOOK
@@ -29,6 +29,9 @@ class Ride:
 
     def count_losses(self):
         self.counted += 1
+
+    def discover(self):
+        self.discovered += 1
 
     def ready(self, now):
         return now > 101.0
@@ -75,12 +78,17 @@ def test_it_goes_on_until_its_duration_is_over_and_looks_seldom(monkeypatch):
     ride = Ride(monkeypatch, 10**6, "--duration", "20")
     assert ride.lasts() == pytest.approx(20.0, abs=2.0 * record.STEADY_LOOK)
     assert ride.period == pytest.approx(record.STEADY_LOOK)
+    # Once all is found it is looked whether links are enough, as often as losses are counted.
     assert ride.counted == pytest.approx(20.0 / record.COUNT, abs=2)
+    assert ride.discovered == pytest.approx(20.0 / record.COUNT, abs=2)
     assert Ride(monkeypatch, 10**6).lasts(most=50.0) >= 50.0
 
 
 def test_what_fails_in_a_turn_is_not_lost(monkeypatch, tmp_path):
-    ride = Ride(monkeypatch, 10**6, "--ready-file", str(tmp_path / "no" / "ready"))
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    ride = Ride(monkeypatch, 10**6, "--ready-file", str(folder / "ready"))
+    folder.rmdir()
     assert ride.lasts() == pytest.approx(1.0, abs=2.0 * record.STEADY_LOOK)
     assert isinstance(ride.turns.failure, FileNotFoundError)
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -92,6 +95,37 @@ def test_nan_and_stale_commands_are_refused_counted_and_shown(catenary):
     assert max(state.cycle for state in states) == 2
     publisher.publish(command(2, 100.0))
     assert one.until(lambda: states[-1].cycle == 3)
+
+
+def test_who_kills_the_process_for_topics_costs_viewers_a_gap_and_the_node_nothing(catenary):
+    """It is started again with all that it had: the topics are back both ways, and the node has forgotten nothing."""
+    one, publisher, states = catenary
+    publisher.publish(command(0, 100.0))
+    assert one.until(lambda: states[-1].cycle == 1 and one.value("process for topics") != "")
+    killed = int(one.value("process for topics"))
+    os.kill(killed, signal.SIGKILL)
+    assert one.until(lambda: one.value("restarts of it") == "1")
+    assert one.value("process for topics") not in ("", str(killed))
+    assert one.until(lambda: publisher.get_subscription_count() > 0)
+    # The killed one is still counted for a while; the command is sent until the new one hears it.
+    assert one.until(lambda: publisher.publish(command(1, 100.0)) or states[-1].cycle == 2)
+
+
+def test_the_process_for_topics_ends_with_a_node_that_is_killed(bench):
+    one = bench("energy_monitor")
+    assert one.until(lambda: one.value("process") != "")
+    children = [
+        int(word)
+        for word in Path(f"/proc/{one.value('process')}/task/{one.value('process')}/children").read_text().split()
+    ]
+    assert len(children) == 1
+    one.processes[0].kill()
+    one.processes[0].wait(10.0)
+    assert one.until(
+        lambda: (
+            not Path(f"/proc/{children[0]}/cmdline").exists() or not Path(f"/proc/{children[0]}/cmdline").read_bytes()
+        )
+    )
 
 
 def test_parameters_cannot_change_while_active_and_say_so(catenary):

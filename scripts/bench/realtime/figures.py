@@ -32,6 +32,8 @@ class Measured:
     retracted: bool
     late_at: NDArray[np.int64]
     """Cycle numbers of the late commands."""
+    late_times: NDArray[np.int64]
+    """When the states that count them were logged, in ns."""
     turnaround: Mapping[str, Times]
     """s, one entry a cycle, by node."""
     begin: int
@@ -97,6 +99,7 @@ def measured(tables: Mapping[str, Table], begin: int, end: int) -> Measured:
         bridged=longest_run(np.isin(mode[:stop], BRIDGED) | (late[:stop] > 0)),
         retracted=bool(gone.size),
         late_at=cycle[:stop][late[:stop] > 0],
+        late_times=np.repeat(logged[:stop], np.maximum(late[:stop], 0)),
         turnaround=found,
         begin=int(logged[0]),
         end=int(logged[stop - 1]),

@@ -14,6 +14,7 @@ from pathlib import Path
 from bench.realtime.disturbance import Disturbance, Work
 from bench.realtime.figures import NODES, Measured, measured
 from bench.realtime.options import RealtimeOptions, WrongUse
+from bench.realtime.standstill import Standstills, Watching
 from bench.realtime.usage import Load, Sample, Share, children, load, sample, scheduling, shares, within
 from energy_monitor.bag import BagError, read_bag
 
@@ -60,6 +61,8 @@ class Ridden:
     load: Load | None
     scheduling: Mapping[str, str]
     work: Work | None
+    standstills: Standstills
+    """Times in which the machine itself stood still."""
 
 
 class _Watch:
@@ -111,8 +114,10 @@ def ride(build: Build, options: RealtimeOptions, folder: Path) -> Ridden:
     folder.mkdir(parents=True)
     out, begin = folder / "ride", FOREVER[0]
     with contextlib.ExitStack() as stack:
+        watching = stack.enter_context(Watching(options.cycle_time, os.environ))
         child = stack.enter_context(_riding(build, options, out, folder / "ride.log"))
         watch, disturbance = _Watch(child), None
+        watch.own += watching.pids
         if options.disturbed and _cycles_came(out, watch):
             disturbance = stack.enter_context(Disturbance(folder / "beside", build.environment))
             begin = time.time_ns()
@@ -138,6 +143,7 @@ def ride(build: Build, options: RealtimeOptions, folder: Path) -> Ridden:
         load=load(*seen) if seen else None,
         scheduling=watch.scheduling,
         work=disturbance.work() if disturbance else None,
+        standstills=watching.found().within(figures.begin, figures.end),
     )
 
 

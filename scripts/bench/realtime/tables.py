@@ -38,12 +38,22 @@ def ride_sheet(rides: Sequence[Ridden]) -> Sheet:
         row: dict[str, object] = {"build": ride.build, "cycles": found.cycles, "late": found.late, "share": found.share}
         row |= {"bridged_on_end": found.bridged, "median_ms": float(median), "p99_ms": float(p99)}
         row |= {"retracted": found.retracted, "outcome": ride.outcome, "late_cycles": found.late_at.tolist()}
+        stood = ride.standstills
+        row |= {"standstills": stood.begin.size, "longest_standstill_ms": stood.longest * 1e3}
+        row |= {"late_then": stood.hit(found.late_times)}
         if ride.load:
             row |= {"busy_cores": ride.load.busy, "other_cores": ride.load.others, "stolen_cores": ride.load.stolen}
         if ride.work:
             row |= {"beside": vars(ride.work)}
         rows.append(row)
-    heads = {"build": "build", "cycles": "cycles", "late": "late", "bridged_on_end": "on end", "median_ms": "median ms"}
+    heads = {
+        "build": "build",
+        "cycles": "cycles",
+        "late": "late",
+        "bridged_on_end": "on end",
+        "standstills": "machine stood",
+    }
+    heads |= {"longest_standstill_ms": "longest ms", "late_then": "late then", "median_ms": "median ms"}
     heads |= {"p99_ms": "p99 ms", "busy_cores": "cores busy", "other_cores": "by others", "stolen_cores": "stolen"}
     return Sheet("rides", "rides (cores: processor time over wall time)", heads | {"outcome": "ended"}, rows)
 
