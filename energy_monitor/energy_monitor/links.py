@@ -4,47 +4,35 @@ from __future__ import annotations
 
 import select
 import threading
-from collections import OrderedDict
 from collections.abc import Callable
 from time import monotonic, sleep
 
 from phil_node.link import Inlet, address, messages_of
+from phil_node.once import Once
 
 LOOK = 0.05
 """Time in s from one look for senders that have come to the next."""
 PAUSE = 0.004
 """Time in s that is left for more to come: one look for several messages costs a fraction."""
-REMEMBERED = 5000
-"""Messages back for which it is known that they came already by the other way."""
 
 
 class Ways:
     """Takes each message of a topic once, if it comes by the link and by DDS as well."""
 
     def __init__(self, take: Callable[[bytes], None]) -> None:
-        self._take = take
-        self._lock = threading.Lock()
-        self._by_link: OrderedDict[int, None] = OrderedDict()
-        self._by_topic: OrderedDict[int, None] = OrderedDict()
+        self._take, self._once, self._lock = take, Once(), threading.Lock()
 
     def by_link(self, data: bytes) -> None:
         """Take a message that came by the link."""
-        self._once(data, self._by_link, self._by_topic)
+        with self._lock:
+            if self._once.from_link(data):
+                self._take(data)
 
     def by_topic(self, data: bytes) -> None:
         """Take a message that came by DDS."""
-        self._once(data, self._by_topic, self._by_link)
-
-    def _once(self, data: bytes, mine: OrderedDict[int, None], other: OrderedDict[int, None]) -> None:
-        digest = hash(data)
         with self._lock:
-            if digest in other:
-                del other[digest]
-                return
-            mine[digest] = None
-            if len(mine) > REMEMBERED:
-                mine.popitem(last=False)
-            self._take(data)
+            if self._once.from_topic(data):
+                self._take(data)
 
 
 class Followed:

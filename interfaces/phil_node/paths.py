@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
@@ -11,10 +10,8 @@ from rclpy.serialization import serialize_message
 from phil_node.cdr import Reader, Writer
 from phil_node.cycle_thread import CycleThread
 from phil_node.link import Inlet, Outlet, messages_of
+from phil_node.once import Once
 from phil_node.outbox import Outbox, Topic
-
-REMEMBERED = 5000
-"""Messages back for which it is known that they came already by the other way."""
 
 
 class Sender:
@@ -79,8 +76,7 @@ class CycleSender(Sender):
 class Receiver:
     """Takes each message once, whichever way it comes: by a link in the cycle's thread, or by the topic.
 
-    A message that came both ways, the same to the last byte, is taken from the first. One that came twice by one way is
-    taken twice: a sender that sends again has a reason, and a stranger on the topic is heard and judged like the peer.
+    A link that breaks, or that nobody offers, leaves the topic; a stranger there is heard and judged like the peer.
     """
 
     def __init__(
@@ -94,8 +90,7 @@ class Receiver:
         """Give messages of a kind to ``callback``; say it to ``linked`` when the link comes and goes."""
         self._reader, self._inlet, self._thread, self._callback = Reader(kind), inlet, thread, callback
         self._tell = linked
-        self._by_link: OrderedDict[int, None] = OrderedDict()
-        self._by_topic: OrderedDict[int, None] = OrderedDict()
+        self._once = Once()
         self.unreadable = 0
 
     @property
@@ -113,8 +108,7 @@ class Receiver:
 
     def close(self) -> None:
         """Disconnect, and forget what came."""
-        self._by_link.clear()
-        self._by_topic.clear()
+        self._once.clear()
         if self._inlet.socket is not None:
             self._thread.forget(self._inlet.socket.fileno())
             self._inlet.close()
@@ -134,20 +128,15 @@ class Receiver:
             self._take_link(data)
 
     def _take_link(self, data: bytes) -> None:
-        self._take(data, self._by_link, self._by_topic)
+        if self._once.from_link(data):
+            self._take(data)
 
     def from_topic(self, data: bytes) -> None:
         """Take a message in CDR that came by DDS; with the node's lock held."""
-        self._take(data, self._by_topic, self._by_link)
+        if self._once.from_topic(data):
+            self._take(data)
 
-    def _take(self, data: bytes, mine: OrderedDict[int, None], other: OrderedDict[int, None]) -> None:
-        digest = hash(data)
-        if digest in other:
-            del other[digest]
-            return
-        mine[digest] = None
-        if len(mine) > REMEMBERED:
-            mine.popitem(last=False)
+    def _take(self, data: bytes) -> None:
         try:
             message = self._reader.read(data)
         except Exception:
@@ -171,7 +160,7 @@ class Follower(Receiver):
             if self._number and number > self._number + 1:
                 self.lost += number - self._number - 1
             self._number = number
-            self._take(message, self._by_link, self._by_topic)
+            super()._take_link(message)
 
     def look(self) -> None:
         """Connect if there is a sender, whose numbers begin anew."""

@@ -8,11 +8,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from faults.begun import BEGUN
 from faults.stand import RECORDER, Stand
 from ride.processes import Process, end_all
+
+TOPICS = b"phil_node.topics_process"
 
 
 class Wrong(Exception):  # noqa: N818 - no error of ours: the finding of a row
@@ -41,6 +44,30 @@ def end(stand: Stand, name: str, number: int) -> list[str]:
     stand.until(lambda: stand.processes[name].ended, 10.0, f"{name} did not end")
     stand.wait(0.5)
     return [f"{name}: exit code {stand.processes[name].code}"]
+
+
+def topics_of(stand: Stand, name: str) -> int:
+    """Give the number of the process that speaks on a node's topics; 0 if there is none."""
+    node = stand.processes[name].pid
+    for child in Path(f"/proc/{node}/task/{node}/children").read_text().split():
+        with suppress(OSError):
+            if TOPICS in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
+                return int(child)
+    return 0
+
+
+def topics(stand: Stand, name: str, number: int, pause: float = 0.0) -> list[str]:
+    """Send a signal to the process for a node's topics; one that is killed has a successor soon."""
+    before = topics_of(stand, name)
+    if not before:
+        raise Wrong(f"{name} has no process for its topics")
+    os.kill(before, number)
+    stand.wait(pause)
+    if number == signal.SIGSTOP:
+        os.kill(before, signal.SIGCONT)
+        return []
+    stand.until(lambda: topics_of(stand, name) not in (0, before), 5.0, f"the topics of {name} did not come back")
+    return [f"{name}: started again"]
 
 
 def damage(stand: Stand, link: str, kind: str, share: float, seconds: float, delay: float = 0.0) -> list[str]:

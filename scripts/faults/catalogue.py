@@ -89,6 +89,19 @@ def _deaths() -> list[Fault]:
     return found
 
 
+def _topics() -> list[Fault]:
+    """What is done to the processes by which the nodes speak to the rest of the world."""
+    found = []
+    for name in NODES:
+        kill = partial(actions.topics, name=name, number=signal.SIGKILL)
+        stop = partial(actions.topics, name=name, number=signal.SIGSTOP, pause=5.0)
+        killed = f"the process for the topics of {name} is killed (SIGKILL)"
+        found.append(Fault(f"kill-topics-{name}", killed, kill, within=8.0, short=name == "test_rig_sim"))
+        stopped = f"the process for the topics of {name} stands still for 5 s (SIGSTOP)"
+        found.append(Fault(f"stop-topics-{name}-5000ms", stopped, stop, within=8.0))
+    return found
+
+
 def _messages() -> list[Fault]:
     found = []
     for link, where in LINKS.items():
@@ -207,4 +220,4 @@ def _run_script() -> list[Fault]:
     ]
 
 
-FAULTS: tuple[Fault, ...] = (*_others(), *_deaths(), *_stops(), *_messages(), *_run_script())
+FAULTS: tuple[Fault, ...] = (*_others(), *_deaths(), *_stops(), *_topics(), *_messages(), *_run_script())

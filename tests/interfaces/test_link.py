@@ -33,6 +33,7 @@ from phil_node.link import (  # noqa: E402
     batches,
     messages_of,
 )
+from phil_node.once import Once  # noqa: E402
 from phil_node.paths import CycleReceiver  # noqa: E402
 
 NUMBERS = count()
@@ -215,3 +216,15 @@ def test_process_of_another_user_is_not_linked() -> None:
     assert child.wait(10) == 0
     child.stdout.close()
     outlet.close()
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.booleans()), max_size=40))
+def test_what_comes_both_ways_is_new_as_often_as_it_was_sent(arrivals: list[tuple[int, bool]]) -> None:
+    """In any order: of a message that came n times by one way and m by the other, the larger number are new."""
+    once, new = Once(), dict.fromkeys(range(4), 0)
+    for number, by_link in arrivals:
+        data = bytes([number])
+        new[number] += once.from_link(data) if by_link else once.from_topic(data)
+    for number, times in new.items():
+        came = [by_link for each, by_link in arrivals if each == number]
+        assert times == max(sum(came), len(came) - sum(came))
