@@ -54,7 +54,8 @@ class Standstills:
 
 def read(lines: Sequence[str]) -> Standstills:
     """Read what the watching processes wrote: begin and length in ns, one line each."""
-    numbers = [[int(word) for word in words] for words in (line.split() for line in lines) if len(words) == 2]
+    rows = [words for words in (line.split() for line in lines) if len(words) == 2 and all(map(str.isdigit, words))]
+    numbers = [[int(word) for word in words] for words in rows]
     found = np.array(sorted(numbers), np.int64).reshape(-1, 2)
     return Standstills(found[:, 0], found[:, 0] + found[:, 1])
 
