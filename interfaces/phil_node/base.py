@@ -87,6 +87,8 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self._outbox = Outbox()
         self._thread = CycleThread(self.lock, self._fail, self._look_for_peers, self.cycle_role)
         self._receivers: list[Receiver] = []
+        self._heard: dict[int, str] = {}
+        """Topics that are listened to by the process for topics, by their numbers."""
         self._outlets: list[Outlet] = []
         self._diagnostics: Topic | None = None
         self.configured = False
@@ -249,6 +251,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         receiver = way(kind, inlet, self._thread, callback, linked)
         if process is not None:
             number = process.hear(kind, full, qos, when_active)
+            self._heard[number] = full
             self._owned.append((process.drop, number))
         else:
             subscription = self.create_subscription(
@@ -470,6 +473,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             if self._outbox.process is not None:
                 self._outbox.process.drop(topic.publisher)
         self._receivers.clear()
+        self._heard.clear()
         self._outlets.clear()
         self._outbox.topics.clear()
 
@@ -593,7 +597,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         if not self.active:
             return state
         counted = bool(timing.late), bool(timing.missing), len(timing.refusals)
-        return (*state, *counted, self.stuck(), bool(self.silence()), *self.signs())
+        return (*state, *counted, len(self._contested()), self.stuck(), bool(self.silence()), *self.signs())
 
     def _diagnosis(self) -> Diagnosis:
         """Say how the node is: what its own `diagnose` says, and what is the same for all nodes."""
@@ -608,6 +612,8 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             found = Diagnosis(message="configured" if self.configured else "unconfigured")
         if self._failure:
             found.add(WARN, self._failure)
+        for topic in self._contested():
+            found.add(WARN, f"{topic} has a second publisher: end it")
         if self._namesakes() > 1:
             found.add(WARN, f"another node on this ROS domain is called {self.full_name}, too: end one of them")
         own = {"process": str(os.getpid()), **self.granted.figures}
@@ -629,6 +635,13 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
     def _dropped(self) -> int:
         followed = sum(topic.outlet.dropped for topic in self._outbox.topics if topic.outlet is not None)
         return followed + sum(outlet.dropped for outlet in self._outlets)
+
+    def _contested(self) -> list[str]:
+        """Give the topics that this node listens to and more than one publishes."""
+        process = self._outbox.process
+        if process is None or not self.active:
+            return []
+        return [topic for number, topic in self._heard.items() if process.counts.get(number, 0) > 1]
 
     def _namesakes(self) -> int:
         """Count the nodes of this name; a look at the graph may wait for DDS, and would keep the cycle waiting."""

@@ -70,6 +70,7 @@ class TopicsProcess:
         """Start it; it gets ready while the node does."""
         self.lock = threading.Lock()
         self.counts: Counts = {}
+        """By number: subscriptions that are matched, or publishers of what is listened to."""
         self.deaths = 0
         self._lost = 0
         self._entries: dict[int, Command] = {}

@@ -181,8 +181,10 @@ class Topics:
     def _look(self) -> None:
         """Listen where that is called for, and tell how many listen."""
         now = monotonic()
+        counts: Counts = {NAMESAKES: self._node.count_services(self._reset)}
         for ear in self._ears.values():
-            alone = ear.linked and self._node.count_publishers(ear.name) <= 1
+            counts[ear.index] = int(self._node.count_publishers(ear.name))
+            alone = ear.linked and counts[ear.index] <= 1
             if ear.subscription is None and self._active and not alone and (ear.linked or now - ear.since >= GRACE):
                 ear.subscription = self._node.create_subscription(
                     ear.kind,
@@ -195,8 +197,7 @@ class Topics:
             elif ear.subscription is not None and alone and now - ear.since >= 2.0 * GRACE:
                 self._node.destroy_subscription(ear.subscription)
                 ear.subscription = None
-        counts = {index: int(each.get_subscription_count()) for index, each in self._publishers.items()}
-        counts[NAMESAKES] = self._node.count_services(self._reset)
+        counts |= {index: int(each.get_subscription_count()) for index, each in self._publishers.items()}
         if counts != self._counts:
             self._counts = counts
             self._send(bytes([COMMAND]) + pickle.dumps(("counts", counts)))

@@ -153,7 +153,7 @@ def run_script(folder: Path, name: str) -> list[str]:
     )
     try:
         deadline = time.monotonic() + 90.0
-        while sum(file.stat().st_size for file in out.glob("bag/*.mcap")) < 500_000:
+        while sum(file.stat().st_size for file in out.glob("bag/*.mcap")) < 1_000_000:
             if started.poll() is not None or time.monotonic() > deadline:
                 raise Wrong("the ride did not begin")
             time.sleep(0.05)

@@ -72,6 +72,14 @@ def test_two_rigs_at_once_are_two_rides() -> None:
     assert sorted(cycles(ride)[0] for ride in rides_of(stream(mixed))) == [0, 1000]
 
 
+def test_a_ride_goes_on_behind_a_stray_that_is_nearer_to_another_one() -> None:
+    order = list(RIDE)
+    order.insert(58, 74)
+    order.insert(1, 65)
+    (ride,) = rides_of(stream(order))
+    assert set(cycles(ride)) >= set(RIDE)
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_whatever_is_put_into_a_ride_it_keeps_its_cycles(data: st.DataObject) -> None:

@@ -162,7 +162,7 @@ def _chains(cycle: Cycles, usual: int | None) -> list[Chain]:
     cuts = np.flatnonzero((step != 0) & (step != usual)) + 1
     begins, ends = np.concatenate([[0], cuts]), np.concatenate([cuts, [len(cycle)]])
     chains: list[list[tuple[int, int]]] = []
-    tops: list[int] = []
+    tops: list[tuple[int, int]] = []
     sizes: list[int] = []
     recent: list[int] = []
     firsts, lasts = cycle[begins].tolist(), cycle[ends - 1].tolist()
@@ -171,12 +171,15 @@ def _chains(cycle: Cycles, usual: int | None) -> list[Chain]:
         if chosen is None:
             chosen = len(chains)
             chains.append([])
-            tops.append(last)
+            tops.append((last, last))
             sizes.append(0)
         else:
             recent.remove(chosen)
         chains[chosen].append((begin, end))
-        tops[chosen] = max(tops[chosen], last)
+        # A single message may be a stray one: what comes next may go on from before it.
+        before = tops[chosen][0]
+        top = max(before, last)
+        tops[chosen] = top, before if end - begin == 1 else top
         sizes[chosen] += end - begin
         recent = [*recent[1 - _OPEN :], chosen]
     taken = [np.concatenate([rows[begin:end] for begin, end in runs]) for runs in chains]
@@ -184,7 +187,12 @@ def _chains(cycle: Cycles, usual: int | None) -> list[Chain]:
 
 
 def _fitting(
-    first: int, usual: int, reach: int, tops: Sequence[int], sizes: Sequence[int], recent: Sequence[int]
+    first: int,
+    usual: int,
+    reach: int,
+    tops: Sequence[tuple[int, int]],
+    sizes: Sequence[int],
+    recent: Sequence[int],
 ) -> int | None:
     """Choose the chain that a run that begins with this cycle goes on from; None if it goes on from none.
 
@@ -192,10 +200,11 @@ def _fitting(
     """
     best, least = None, reach + STEP_BACK
     for index in reversed(recent):
-        ahead = first - tops[index]
-        far = abs(ahead - usual) - (SEVERAL - 2 if sizes[index] >= SEVERAL else 0)
-        if -STEP_BACK <= ahead <= reach and (first > 0 or ahead >= 0) and far < least:
-            best, least = index, far
+        for top in tops[index]:
+            ahead = first - top
+            far = abs(ahead - usual) - (SEVERAL - 2 if sizes[index] >= SEVERAL else 0)
+            if -STEP_BACK <= ahead <= reach and (first > 0 or ahead >= 0) and far < least:
+                best, least = index, far
     return best
 
 
