@@ -43,7 +43,7 @@ class CatenaryNode(PhilNode[Parameters]):
         self.sequence = Sequence(p.max_bridged_cycles)
         self._bridged = 0
         self._ts_ns = round(p.cycle_time * 1e9)
-        self._overdue = 1.5 * p.cycle_time
+        self._overdue = 0.5 * p.cycle_time
         self._shape_every = p.wire_shape_every
         self._state_publisher = self.send_cycles(CatenaryState, "~/state", CYCLE_KEPT, peers=1)
         self._shape_publisher = self.publish_on(WireShape, "~/wire_shape", VIEW)

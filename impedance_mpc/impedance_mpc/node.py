@@ -51,6 +51,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.over = False
         self.unusable = 0
         self.fallbacks_reported = 0
+        self._asked = 0
 
     def build(self) -> None:
         """Wait for the impedance model, design the controllers, compile their kernels, open the topics."""
@@ -85,6 +86,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.over = False
         self.unusable = 0
         self.fallbacks_reported = 0
+        self._asked = 0
 
     def changed(self, names: frozenset[str]) -> None:
         """Change the control scheme, or the environment: the next cycle begins with it."""
@@ -203,6 +205,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         )
         if not usable:
             self._refuse("catenary", state, WIRE_NUMBERS)
+            self._ask_again(state.cycle)
             return
         arrival = self.pairs.add_catenary(state.cycle, state)
         if arrival in NOT_USED or self.unusable + self.pairs.refused != self.timing.refused:
@@ -211,6 +214,12 @@ class ImpedanceNode(PhilNode[Parameters]):
             self._answer_all()
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
+
+    def _ask_again(self, cycle: int) -> None:
+        """Ask the catenary for a state that could not be used, once, if it is the one that is waited for."""
+        if cycle == self.pairs.next > self._asked and cycle == self.answer.cycle + 1:
+            self._asked = cycle
+            self.commands.publish(self.answer_writer)
 
     def _refuse(self, sender: str, state: RigState | CatenaryState, names: tuple[str, ...]) -> None:
         """Count a state whose numbers cannot be used, and say why; `timing.refused` has these and the strays."""

@@ -129,6 +129,20 @@ def test_cycles_are_answered_in_order_and_the_last_one_again(bench):
     assert bench.node.timing.stale == 1
 
 
+def test_a_wires_state_that_cannot_be_used_is_asked_for_again_at_once_and_once(bench):
+    bench.go()
+    bench.rig.publish(rig_state(0))
+    bench.catenary.publish(catenary_state(0))
+    bench.spin(lambda: len(bench.commands) == 1, 5.0)
+    for _ in range(3):
+        bench.catenary.publish(catenary_state(1, w=float("inf")))
+    bench.catenary.publish(catenary_state(5, w=float("nan")))
+    bench.spin(lambda: bench.node.timing.refused == 4, 5.0)
+    bench.spin(seconds=0.1)
+    assert [c.cycle for c in bench.commands] == [0, 0]
+    assert bench.commands[0] == bench.commands[1]
+
+
 def test_bad_numbers_are_refused_and_a_gap_is_bridged(bench):
     bench.go()
     bench.catenary.publish(catenary_state(0, n=3))
