@@ -71,6 +71,8 @@ class Links:
 
     def __init__(self) -> None:
         self._followed: list[Followed] = []
+        self.error: Exception | None = None
+        """Why nothing is taken any more."""
         self._running = True
         self._thread = threading.Thread(target=self._run, name="links", daemon=True)
         self._thread.start()
@@ -89,6 +91,12 @@ class Links:
             each.inlet.close()
 
     def _run(self) -> None:
+        try:
+            self._work()
+        except Exception as error:  # it would be lost with the thread, and the recording have a gap that nobody knows
+            self.error = error
+
+    def _work(self) -> None:
         looked = 0.0
         while self._running:
             if (now := monotonic()) - looked >= LOOK:

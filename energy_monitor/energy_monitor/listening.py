@@ -47,7 +47,15 @@ class RideRecorder:
         self._matched_since: float | None = None
 
     def discover(self) -> None:
-        """Begin with everything wanted that has a publisher by now; look whether links are enough for the rest."""
+        """Begin with everything wanted that has a publisher by now; look whether links are enough for the rest.
+
+        Raises
+        ------
+        OSError
+            Nothing can be taken by links any more.
+        """
+        if self._links.error is not None:
+            raise OSError(f"nothing comes by links any more: {self._links.error}") from self._links.error
         names = set(self._wanted)
         if self._every_topic:
             graph = self._node.get_topic_names_and_types()

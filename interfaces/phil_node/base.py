@@ -7,7 +7,6 @@ import os
 import sys
 import threading
 from collections.abc import Callable
-from functools import partial
 from time import monotonic, time_ns
 from typing import Any, Generic, TypeVar
 
@@ -467,8 +466,6 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             outlet.close()
         for topic in self._outbox.topics:
             if topic.outlet is not None:
-                if topic.outlet.alone:
-                    self._thread.forget(topic.outlet.held.fileno())
                 topic.outlet.close()
             if self._outbox.process is not None:
                 self._outbox.process.drop(topic.publisher)
@@ -477,19 +474,13 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self._outlets.clear()
         self._outbox.topics.clear()
 
-    def _admit(self, outlet: Outlet) -> None:
-        outlet.accept()
-
     def _look_for_peers(self) -> None:
         """Link who has come; in the cycle's thread."""
         for outlet in self._outlets:
             if outlet.alone:
-                self._thread.watch(outlet.held.fileno(), partial(self._admit, outlet))
+                self._thread.watch(outlet.held.fileno(), outlet.accept)
         for receiver in self._receivers:
             receiver.look()
-        for topic in self._outbox.topics:
-            if topic.outlet is not None and topic.outlet.alone:
-                self._thread.watch(topic.outlet.held.fileno(), self._outbox.look_for_followers)
         self._schedule_process()
 
     def _schedule_process(self) -> None:
@@ -581,6 +572,8 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self._diagnostics = Topic("/diagnostics", handle, None, 0)
         if process is not None and process.gone:
             self._revive(process)
+        elif process is not None and not self.active:
+            process.receive()  # else nobody does, and it would wait for room to tell its counts
         self._outbox.say(self._diagnostics, serialize_message(message))
 
     def _revive(self, process: TopicsProcess) -> None:

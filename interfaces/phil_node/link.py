@@ -120,9 +120,13 @@ class Outlet:
         """Give the number of messages or batches for which no room was left."""
         return self._lost + sum(peer.dropped for peer in self.peers)
 
-    def accept(self) -> list[Peer]:
-        """Let in who waits; give who is new."""
-        come = []
+    def accept(self) -> None:
+        """Let in who waits."""
+        self.peers = [*self.peers, *self.callers()]
+
+    def callers(self) -> list[Peer]:
+        """Give who waits to be let in."""
+        come: list[Peer] = []
         with suppress(BlockingIOError, OSError):
             while True:
                 connection, _ = self.held.accept()
@@ -131,7 +135,6 @@ class Outlet:
                     continue
                 connection.setblocking(False)
                 come.append(Peer(connection))
-        self.peers = [*self.peers, *come]
         return come
 
     def send(self, data: bytes) -> None:

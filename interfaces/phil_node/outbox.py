@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Iterable
 from time import monotonic, sleep
 from typing import Any
 
@@ -15,6 +14,8 @@ from phil_node.publish import publish_bytes
 from phil_node.real_time import set_thread
 from phil_node.topics import TopicsProcess
 
+PORTION = 100
+"""Kept messages that a new follower is given at once."""
 EVERY = 0.008
 """Time in s from one batch to the next: what nobody in the loop waits for costs a fraction if it goes in batches."""
 
@@ -37,11 +38,9 @@ class Topic:
             self._kept.append(message)
         return message
 
-    def follow(self, new: Iterable[Peer]) -> None:
-        """Give who begins to follow what was kept."""
-        for peer in new:
-            for batch in batches(self._kept or ()):
-                peer.send(batch)
+    def kept(self, after: int) -> list[Message]:
+        """Give the messages that were kept, behind the one with this number."""
+        return [message for message in self._kept or () if message[1] > after]
 
     @property
     def followers(self) -> int:
@@ -114,11 +113,26 @@ class Outbox:
                     topic.outlet.go_on()  # type: ignore[union-attr]
 
     def look_for_followers(self) -> None:
-        """Let in who wants to follow."""
-        with self._turn:
-            for topic in self.topics:
-                if topic.outlet is not None and topic.outlet.alone:
-                    topic.follow(topic.outlet.accept())
+        """Let in who wants to follow; in the thread, because what was kept for them may be much."""
+        for topic in tuple(self.topics):
+            if topic.outlet is not None and topic.outlet.alone:
+                for peer in topic.outlet.callers():
+                    self._hand_on(topic, topic.outlet, peer)
+
+    def _hand_on(self, topic: Topic, outlet: Outlet, peer: Peer) -> None:
+        """Give who begins to follow what was kept, in portions, beside what is published meanwhile."""
+        sent = 0
+        while True:
+            with self._turn:
+                left = topic.kept(sent)
+                if len(left) <= PORTION:
+                    for batch in batches(left):
+                        peer.send(batch)
+                    outlet.peers = [*outlet.peers, peer]
+                    return
+            for batch in batches(left[:PORTION]):
+                peer.send(batch)
+            sent = left[PORTION - 1][1]
 
     def hand_over(self, seconds: float) -> None:
         """Wait until those who follow, and the process for topics, have all that was published."""
@@ -144,4 +158,5 @@ class Outbox:
         set_thread("publish")
         while self._running:
             sleep(EVERY)
+            self.look_for_followers()
             self.flush()

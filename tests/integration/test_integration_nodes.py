@@ -111,6 +111,16 @@ def test_who_kills_the_process_for_topics_costs_viewers_a_gap_and_the_node_nothi
     assert one.until(lambda: publisher.publish(command(1, 100.0)) or states[-1].cycle == 2)
 
 
+def test_a_node_that_is_not_active_sees_another_one_of_its_name(bench):
+    """What the process for topics counts is read then, too; left unread, it would stand still for want of room."""
+    from std_srvs.srv import Trigger
+
+    one = bench("energy_monitor")
+    assert one.until(lambda: one.value("process") != "")
+    one.node.create_service(Trigger, "energy_monitor/reset", lambda request, response: response)
+    assert one.until(lambda: "another node" in one.status["energy_monitor"].message)
+
+
 def test_the_process_for_topics_ends_with_a_node_that_is_killed(bench):
     one = bench("energy_monitor")
     assert one.until(lambda: one.value("process") != "")

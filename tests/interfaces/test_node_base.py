@@ -16,12 +16,14 @@ pytest.importorskip("phil_interfaces", reason="the interfaces are not built, or 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from rclpy.lifecycle import TransitionCallbackReturn  # noqa: E402
 from rclpy.lifecycle.node import LifecycleNodeMixin  # noqa: E402
+from rclpy.serialization import deserialize_message  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 from phil_node.base import PhilNode  # noqa: E402
 from phil_node.executor import events_executor  # noqa: E402
-from phil_node.qos import CYCLE  # noqa: E402
+from phil_node.link import Inlet, address, messages_of  # noqa: E402
+from phil_node.qos import CYCLE, CYCLE_KEPT  # noqa: E402
 from test_rig_sim.parameters import Parameters  # noqa: E402
 
 
@@ -38,10 +40,12 @@ class Light(PhilNode[Parameters]):
         self.every(0.001, self._tick)
         self.listen(Header, "light/word", CYCLE, self._hear)
         self.said = self.publish_on(Header, "light/said")
+        self.kept = self.publish_on(Header, "light/kept", CYCLE_KEPT)
 
     def _tick(self) -> None:
         self.ticks += 1
         self.said.publish(Header())
+        self.kept.publish(Header(frame_id=str(self.ticks)))
 
     def _hear(self, message: Any) -> None:
         self.heard += 1
@@ -125,6 +129,30 @@ def test_requests_that_wait_while_the_design_goes_are_answered(bench: Callable[.
             assert {(answer.success, answer.message) for answer in answers} == {
                 (False, "test_rig_sim is not configured")
             }
+
+
+def test_who_follows_late_has_all_that_was_kept_and_what_comes_then(bench: Callable[..., Bench]) -> None:
+    """Each once and in order, though it is published while the kept ones are handed over."""
+    one = bench()
+    assert one.node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert one.node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+    assert one.until(lambda: one.node.ticks > 400)
+    inlet = Inlet(address(one.node.context.get_domain_id(), "/light/kept", followed=True))
+    assert inlet.connect()
+    had, numbers, texts = one.node.ticks, [], []
+
+    def read() -> bool:
+        while data := inlet.receive():
+            for _, number, message in messages_of(data):
+                numbers.append(number)
+                texts.append(deserialize_message(message, Header).frame_id)
+        return len(numbers) > had + 200
+
+    assert one.until(read)
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert texts == [str(number) for number in numbers]
+    assert one.node.kept.get_subscription_count() == 1
+    inlet.close()
 
 
 def test_a_fault_of_a_service_is_an_answer(bench: Callable[..., Bench]) -> None:
