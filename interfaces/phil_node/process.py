@@ -66,7 +66,7 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
         # Arguments that ROS itself cannot read: a missing parameter file, a malformed remapping.
         return _refuse(PLACES.sub("", str(error).splitlines()[0]))
     node.has_process = True
-    node.use(TopicsProcess())
+    node.wires.use(TopicsProcess())
     executor = events_executor()
     executor.add_node(node)
     try:

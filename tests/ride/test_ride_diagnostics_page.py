@@ -32,6 +32,7 @@ SENTENCES = {
 FIGURES = {
     "interfaces/phil_node/base.py": ("_diagnosis",),
     "interfaces/phil_node/timing.py": ("summary",),
+    "interfaces/phil_node/wires.py": ("figures",),
     "interfaces/phil_node/real_time.py": ("apply", "_give"),
     **{f"{name}/{name}/node.py": ("diagnose",) for name in ("catenary_model", "impedance_mpc", "test_rig_sim")},
     "energy_monitor/energy_monitor/node.py": ("diagnose",),
