@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 WRONG = 2
@@ -47,28 +48,14 @@ def analyze(argv: list[str]) -> int:
     return main([*(["--no-html"] if "--" in argv else []), *argv, *([] if "--" in argv else ["--no-html"])])
 
 
-def bench(argv: list[str]) -> int:
-    """Read the options of ``scripts/bench.sh``."""
-    from bench.__main__ import arguments
+def options_of(name: str) -> Callable[[list[str]], int]:
+    """Give what reads the options of ``scripts/NAME.sh``, and does no more."""
 
-    arguments(argv)
-    return 0
+    def read(argv: list[str]) -> int:
+        import_module(f"{name}.__main__").arguments(argv)
+        return 0
 
-
-def validate(argv: list[str]) -> int:
-    """Read the options of ``scripts/validate.sh``."""
-    from validate.__main__ import arguments
-
-    arguments(argv)
-    return 0
-
-
-def faults(argv: list[str]) -> int:
-    """Read the options of ``scripts/faults.sh``."""
-    from faults.__main__ import arguments
-
-    arguments(argv)
-    return 0
+    return read
 
 
 def soak(argv: list[str]) -> int:
@@ -76,22 +63,6 @@ def soak(argv: list[str]) -> int:
     from soak.options import parse
 
     parse(["--out", NEW, *argv])
-    return 0
-
-
-def doctor(argv: list[str]) -> int:
-    """Read the options of ``scripts/doctor.sh``."""
-    from doctor.__main__ import arguments
-
-    arguments(argv)
-    return 0
-
-
-def fuzz(argv: list[str]) -> int:
-    """Read the options of ``scripts/fuzz.sh``."""
-    from fuzz.__main__ import arguments
-
-    arguments(argv)
     return 0
 
 
@@ -116,7 +87,8 @@ def node(argv: list[str]) -> int:
 
 
 COMMANDS: dict[str, Callable[[list[str]], int]] = {
-    command.__name__: command for command in (ride, record, analyze, bench, validate, faults, soak, doctor, fuzz, node)
+    **{command.__name__: command for command in (ride, record, analyze, soak, node)},
+    **{name: options_of(name) for name in ("bench", "validate", "faults", "doctor", "fuzz")},
 }
 
 

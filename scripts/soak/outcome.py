@@ -13,8 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from bench.realtime.figures import NODES
-from bench.realtime.session import RECORDER
+from bench.realtime.tables import PROCESSES
 from energy_monitor.bag_channel import BagError
 from phil_node.command_line import write_json
 from soak.judge import Verdict, judge_lists, judge_samples, quantity, times, trends
@@ -25,7 +24,6 @@ from soak.records import Records, judge_records, records
 from soak.reporting import Reported, judge_report, report
 from soak.session import Soaked, soak
 
-PROCESSES = (*NODES, RECORDER)
 GOOD, BAD, UNWRITTEN = 0, 1, 3
 WIDTH = 132
 """Columns of the tables where there is no terminal."""

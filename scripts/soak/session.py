@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.realtime.disturbance import OUTSIDE, Work, plain, work_of
-from bench.realtime.session import BEGUN_BYTES, END_SECONDS, START_SECONDS, processes
+from bench.realtime.session import BEGUN_BYTES, END_SECONDS, START_SECONDS, processes, topics_of
+from bench.realtime.tables import PROCESSES
 from bench.realtime.usage import children
 from phil_node.shared_memory import litter, remove_litter, snapshot
 from soak.looks import Sample, sample
@@ -27,7 +28,6 @@ SAID = 10.0
 """s between two lines of progress."""
 STAYS = (20.0, 27.0)
 """s for which a viewer stays before it leaves and comes again, by its number."""
-NODES_AND_RECORDER = 5
 LATE_SECONDS = 120.0
 """A ride in real time that has not ended so long after its time is ended."""
 WORDS = 8
@@ -64,15 +64,15 @@ def soak(options: Options, say: Callable[[str], None]) -> Soaked:
     with contextlib.ExitStack() as stack:
         child = stack.enter_context(_child(_ride_command(options, ride), log, _environment(options)))
         _wait_for_cycles(child, ride, log)
-        found = processes(children(child.pid))
+        found = _processes(child.pid)
         for number in range(options.viewers):
             command = [sys.executable, str(OUTSIDE), str(os.getpid()), "view", str(number)]
             command.append(f"{STAYS[number % len(STAYS)]:g}")
             viewers.append(stack.enter_context(_child(command, _viewer_log(options, number), plain(os.environ))))
         began = due = told = time.monotonic()
         while child.poll() is None:
-            if len(found) < NODES_AND_RECORDER:
-                found = processes(children(child.pid))
+            if len(found) < len(PROCESSES):
+                found = _processes(child.pid)
             samples.append(sample(found, logs(options), closely=len(samples) % CLOSELY == 0))
             now = time.monotonic()
             if now - told >= SAID:
@@ -94,6 +94,12 @@ def soak(options: Options, say: Callable[[str], None]) -> Soaked:
         work=work_of(texts, "", None) if viewers else None,
         left=left,
     )
+
+
+def _processes(ride: int) -> dict[str, int]:
+    """Find nodes, recorder and the processes that speak on the nodes' topics."""
+    found = processes(children(ride))
+    return found | topics_of(found)
 
 
 def logs(options: Options) -> tuple[Path, Path]:
