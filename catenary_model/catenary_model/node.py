@@ -142,7 +142,7 @@ class CatenaryNode(PhilNode[Parameters]):
             self._send_state()
 
     def _send_state(self) -> None:
-        self._state_publisher.publish(self._state_writer)
+        self._state_publisher.publish(self._state)
         self._sent_at = monotonic()
 
     def _publish(self) -> None:
@@ -159,18 +159,16 @@ class CatenaryNode(PhilNode[Parameters]):
         self._send_state()
         if c.cycle % self._shape_every == 0:
             self._fill_shape()
-            self._shape_publisher.publish(self._shape_writer)
+            self._shape_publisher.publish(self._shape)
 
     def _prepare_messages(self) -> None:
         """Make the messages whose arrays the cycle only overwrites."""
         c = self.catenary
-        self._state_writer = Plan(CatenaryState, FRAME, dict.fromkeys(SEGMENT, c.reduced.n)).writer()
-        self._state = self._state_writer.message
+        self._state = Plan(CatenaryState, FRAME, dict.fromkeys(SEGMENT, c.reduced.n)).writer().message
         self._state.speed = c.config.speed
         self._buffers = [getattr(self._state, field) for field in SEGMENT]
         self._sent_at = 0.0
-        self._shape_writer = OpenWriter(WireShape, FRAME)
-        self._shape = self._shape_writer.message
+        self._shape = OpenWriter(WireShape, FRAME).message
 
     def _fill_shape(self) -> None:
         view, shape = self.catenary.wire_shape(), self._shape

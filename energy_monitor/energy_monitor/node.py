@@ -62,8 +62,8 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         self._standard = chosen(parameters.limits.file, parameters.limits.standard)
         self._audit = Audit(parameters, self.timing.refuse)
         self.timing.inputs = dict(zip(INPUTS, self._audit.matcher.counts, strict=True))
-        self._quality_writer = Plan(ContactQuality, "rig").writer()
-        self._books_writer = Plan(ConservedQuantities, "rig").writer()
+        self._quality_message = Plan(ContactQuality, "rig").writer().message
+        self._books_message = Plan(ConservedQuantities, "rig").writer().message
         self._initial: Any = None
         self._clear()
         self._quality_out = self.publish_on(ContactQuality, topics.CONTACT_QUALITY)
@@ -228,7 +228,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         timing.missing, timing.stale, timing.refused = sum(matcher.missing), matcher.stale, audit.refused
 
     def _publish_books(self, cycle: int, header: Any) -> None:
-        books, message = self._audit.books, self._books_writer.message
+        books, message = self._audit.books, self._books_message
         message.header.stamp = header.stamp
         message.cycle = cycle
         message.e_tr, message.e_cat, message.delta_e = books.e_tr, books.e_cat, books.delta_e
@@ -237,10 +237,10 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         message.exchanged_momentum = books.exchanged_momentum
         message.work_tr, message.work_cat, message.impulse_tr, message.impulse_cat = books.accumulated
         message.delta_work = books.delta_work
-        self._books_out.publish(self._books_writer)
+        self._books_out.publish(self._books_message)
 
     def _publish_quality(self, cycle: int, header: Any) -> None:
-        quality, message = self._audit.quality, self._quality_writer.message
+        quality, message = self._audit.quality, self._quality_message
         statistics = quality.statistics
         message.header.stamp = header.stamp
         message.cycle = cycle
@@ -251,7 +251,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         message.statistical_minimum = statistics.statistical_minimum
         message.statistical_maximum = statistics.statistical_maximum
         message.loss_share, message.losses = statistics.loss_share, statistics.losses
-        self._quality_out.publish(self._quality_writer)
+        self._quality_out.publish(self._quality_message)
 
 
 def _share(part: float, whole: float) -> str:

@@ -61,10 +61,8 @@ class ImpedanceNode(PhilNode[Parameters]):
         zeros = np.zeros(model.n)
         self.segment = (zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy())
         self.pairs.clear()
-        self.answer_writer = Plan(ImpedanceCommand, "rig").writer()
-        self.answer = self.answer_writer.message
-        self.quantities_writer = Plan(ConservedQuantities, "rig").writer()
-        self.quantities = self.quantities_writer.message
+        self.answer = Plan(ImpedanceCommand, "rig").writer().message
+        self.quantities = Plan(ConservedQuantities, "rig").writer().message
         self.commands = self.send_cycles(ImpedanceCommand, "impedance_mpc/command", CYCLE_KEPT, peers=2)
         self.books = self.publish_on(ConservedQuantities, "impedance_mpc/conserved_quantities", CYCLE)
         self.time_cycles(self.parameters.cycle_time)
@@ -183,14 +181,14 @@ class ImpedanceNode(PhilNode[Parameters]):
             self._answer_all()
             if self.pairs.held_up:
                 # The rig ticks on without us: the catenary, or its answer, did not come. Ask again.
-                self.commands.publish(self.answer_writer)
+                self.commands.publish(self.answer)
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
         elif arrival is Arrival.REPEATED and self.answer.cycle == state.cycle:
             if state.f_tr != self.answer.f_tr:
                 self._contradict(state.cycle)
             else:
-                self.commands.publish(self.answer_writer)
+                self.commands.publish(self.answer)
 
     def _take_catenary(self, state: CatenaryState) -> None:
         self.timing.begin()
@@ -219,7 +217,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         """Ask the catenary for a state that could not be used, once, if it is the one that is waited for."""
         if cycle == self.pairs.next > self._asked and cycle == self.answer.cycle + 1:
             self._asked = cycle
-            self.commands.publish(self.answer_writer)
+            self.commands.publish(self.answer)
 
     def _refuse(self, sender: str, state: RigState | CatenaryState, names: tuple[str, ...]) -> None:
         """Count a state whose numbers cannot be used, and say why; `timing.refused` has these and the strays."""
@@ -283,7 +281,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         answer.correction, answer.status = result.correction, result.status
         answer.iterations = 0 if result.status == FALLBACK else min(result.iterations, 65535)
         answer.fallbacks = result.fallbacks
-        self.commands.publish(self.answer_writer)
+        self.commands.publish(self.answer)
 
     def _send_books(self, rig: RigState, cycle: int) -> None:
         message, books = self.quantities, self.switch.books
@@ -295,7 +293,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         message.exchanged_momentum = books.exchanged_momentum
         message.work_tr, message.work_cat, message.delta_work = books.work_tr, books.work_cat, books.delta_work
         message.impulse_tr, message.impulse_cat = books.impulse_tr, books.impulse_cat
-        self.books.publish(self.quantities_writer)
+        self.books.publish(self.quantities)
 
 
 def main() -> None:

@@ -81,7 +81,9 @@ class Plan:
             self._place(name, type_name)
         self.size = len(HEAD) + self._at
         constants = {name: getattr(kind, name) for name in dir(kind) if name.isupper()}
-        self._view: Any = type(f"{kind.__name__}View", (), {"__slots__": tuple(fields), **constants})
+        names = {"__slots__": tuple(fields), **constants}
+        self._view: Any = type(f"{kind.__name__}View", (), names)
+        self._written: Any = type(f"{kind.__name__}Written", (Written,), names)
         self._put, self._get = self._compile()
 
     def _place(self, name: str, type_name: str) -> None:
@@ -157,7 +159,7 @@ class Plan:
     def writer(self) -> Writer:
         """Give a message to be filled and sent again and again."""
         buffer = bytearray(self.size)
-        message, empty = self._view(), self.kind()
+        message, empty = self._written(), self.kind()
         for name in self.kind.get_fields_and_field_types():
             setattr(message, name, getattr(empty, name))
         message.header = Header(self.frame_id)
@@ -165,14 +167,47 @@ class Plan:
             buffer[at : at + len(mark)] = mark
         for name, (at, code, size) in self.arrays.items():
             setattr(message, name, np.frombuffer(buffer, code, size, at))
-        return Writer(message, buffer, self._put)
+        return Writer(message, buffer, self._put, self.writer)
+
+
+class Written:
+    """A message that a `Writer` writes: it has the fields of its kind, can be published and copied (`copy`)."""
+
+    __slots__ = ("writer",)
+    writer: Writer
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Written:
+        return self.writer.copy()
 
 
 class Writer:
     """One message, written each cycle: set the numbers of ``message``, fill its arrays in place, take `bytes`."""
 
-    def __init__(self, message: Any, buffer: bytearray, put: Callable[[Any, bytearray], None]) -> None:
-        self.message, self._buffer, self._put = message, buffer, put
+    def __init__(
+        self,
+        message: Any,
+        buffer: bytearray,
+        put: Callable[[Any, bytearray], None],
+        another: Callable[[], Writer],
+    ) -> None:
+        self.message, self._buffer, self._put, self._another = message, buffer, put, another
+        message.writer = self
+
+    def copy(self) -> Written:
+        """Give another message with the same content, and a writer of its own."""
+        made, mine = self._another().message, self.message
+        made.header.stamp.sec, made.header.stamp.nanosec = mine.header.stamp.sec, mine.header.stamp.nanosec
+        for name in type(mine).__slots__:
+            value = getattr(mine, name)
+            if name != "header":
+                self._set(made, name, value)
+        return made  # type: ignore[no-any-return]
+
+    def _set(self, message: Any, name: str, value: Any) -> None:
+        if isinstance(value, np.ndarray):
+            getattr(message, name)[:] = value
+        else:
+            setattr(message, name, value)
 
     def bytes(self) -> bytes:
         """Give the message as it stands in CDR.
@@ -202,9 +237,12 @@ class OpenWriter(Writer):
         if wide or not plan.arrays:
             raise ValueError(f"{kind.__name__}: {', '.join(wide) or 'no array'} has no place that follows from lengths")
         fixed = plan.writer()
-        super().__init__(fixed.message, fixed._buffer, plan._put)
+        super().__init__(fixed.message, fixed._buffer, plan._put, lambda: OpenWriter(kind, frame_id))
         self._arrays = [(name, np.dtype(code)) for name, (_, code, _) in plan.arrays.items()]
         self._head = min(at for at, _, _ in plan.arrays.values()) - _LENGTH.size
+
+    def _set(self, message: Any, name: str, value: Any) -> None:
+        setattr(message, name, np.array(value) if any(name == array for array, _ in self._arrays) else value)
 
     def bytes(self) -> bytes:
         """Give the message as it stands in CDR.

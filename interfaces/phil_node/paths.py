@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.serialization import serialize_message
 
-from phil_node.cdr import Reader, Writer
+from phil_node.cdr import Reader, Written
 from phil_node.cycle_thread import CycleThread
 from phil_node.link import Inlet, Outlet, messages_of
 from phil_node.once import Once
@@ -15,7 +15,7 @@ from phil_node.outbox import Outbox, Topic
 
 
 class Sender:
-    """Publishes on a topic through the outbox; messages are rclpy's or a `Writer`."""
+    """Publishes on a topic through the outbox; messages are rclpy's or `Written`."""
 
     def __init__(self, topic: Topic, outbox: Outbox) -> None:
         self.topic, self._outbox = topic, outbox
@@ -42,7 +42,7 @@ class Sender:
     def publish(self, message: Any) -> None:
         """Publish unless the node is inactive."""
         if self.topic.open:
-            data = message.bytes() if isinstance(message, Writer) else serialize_message(message)
+            data = message.writer.bytes() if isinstance(message, Written) else serialize_message(message)
             self._outbox.post(self.topic, data)
 
 
@@ -64,7 +64,7 @@ class CycleSender(Sender):
         topic = self.topic
         if not topic.open:
             return
-        data = message.bytes() if isinstance(message, Writer) else serialize_message(message)
+        data = message.writer.bytes() if isinstance(message, Written) else serialize_message(message)
         outlet = self.outlet
         outlet.send(data)
         self._outbox.post(topic, data)

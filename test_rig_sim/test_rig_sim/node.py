@@ -59,8 +59,7 @@ class RigNode(PhilNode[Parameters]):
         self._rig = Rig(p)
         self._rules = rules(p, self._rig.plant.loop)
         self._rig.advance(0.0, 0.0)
-        self._writer = Plan(RigState, "rig").writer()
-        self._message = self._writer.message
+        self._message = Plan(RigState, "rig").writer().message
         self._joints = JointState()
         self._joints.header.frame_id = "rig"
         self._joints.name = ["drive", *(f"pantograph_{i}" for i in range(1, self._rig.bodies)), "pantograph_head"]
@@ -212,7 +211,7 @@ class RigNode(PhilNode[Parameters]):
         message.late_commands = self.timing.late
         self._command, self._answered = None, False
         self._asked_at = self._published_at[cycle % MEMORY] = time.monotonic()
-        self._state_out.publish(self._writer)
+        self._state_out.publish(self._message)
         if message.last and self._phase == TICKING:
             self._tick.cancel()
             self._phase = ASKING
@@ -300,7 +299,7 @@ class RigNode(PhilNode[Parameters]):
                 self._start_ticking()
             else:
                 self._asked_at = now
-                self._state_out.publish(self._writer)
+                self._state_out.publish(self._message)
 
     def _moves_alone(self) -> bool:
         """Whether the cycle goes on though nobody answers: to get the drive to rest, or because nobody has to."""

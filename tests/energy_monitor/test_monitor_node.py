@@ -123,11 +123,11 @@ def test_the_controller_s_books_are_held_against_both_of_the_monitor():
 def test_both_books_are_published():
     node, sent = Wired(), []
     node._books_out = type("Sink", (), {"publish": staticmethod(sent.append)})
-    node._books_writer = Plan(ConservedQuantities, "rig").writer()
+    node._books_message = Plan(ConservedQuantities, "rig").writer().message
     for k in range(3):
         cycle(node, k)
     MonitorNode._publish_books(node, 2, RigState().header)
-    message = deserialize_message(sent[0].bytes(), ConservedQuantities)
+    message = deserialize_message(sent[0].writer.bytes(), ConservedQuantities)
     assert (message.cycle, message.work_tr, message.work_cat, message.delta_work) == (2, 1.5, 1.0, 0.5)
     assert (message.impulse_tr, message.impulse_cat) == (0.25, 0.5)
     assert message.delta_p == pytest.approx(2 * 0.002 * 1.0, rel=1e-12)

@@ -166,7 +166,7 @@ def test_late_lost_doubled_and_swapped_states_are_counted(bench):
     """The policy of each: lost and late cycles have no command, doubled ones the same again, swapped ones in order."""
     bench.go()
     node, sent = bench.node, []
-    node.commands = SimpleNamespace(publish=lambda writer: sent.append(writer.message.cycle))
+    node.commands = SimpleNamespace(publish=lambda command: sent.append(command.cycle))
 
     def take(states):
         del sent[:]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from array import array
 from typing import Any
 
@@ -124,3 +125,23 @@ def test_message_without_fixed_places_has_no_plan(kind: Any) -> None:
     """A text in the midst, a number behind an array: said when the plan is made."""
     with pytest.raises(ValueError, match="no fixed place"):
         Plan(kind)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+@given(data=st.data())
+def test_a_copy_of_a_written_message_has_its_content_and_a_life_of_its_own(kind: Any, data: Any) -> None:
+    """A rig of one's own changes a message on its way out; the original is not to know."""
+    frame, sizes = KINDS[kind]
+    original = filled(kind, frame, sizes, data.draw)
+    writer = OpenWriter(kind, frame) if kind is messages.WireShape else Plan(kind, frame, sizes).writer()
+    for name in kind.get_fields_and_field_types():
+        value = getattr(original, name)
+        if isinstance(writer, OpenWriter) or name not in sizes:
+            setattr(writer.message, name, value)
+        else:
+            getattr(writer.message, name)[:] = value
+    copied = copy.deepcopy(writer.message)
+    assert copied.writer.bytes() == writer.bytes()
+    copied.cycle, copied.header.stamp.sec = original.cycle ^ 1, original.header.stamp.sec ^ 1
+    assert deserialize_message(writer.bytes(), kind) == original
+    assert deserialize_message(copied.writer.bytes(), kind).cycle == original.cycle ^ 1
