@@ -348,7 +348,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         in_lockstep = getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP
         if wanted is None or wanted.scheduling != FIFO or (linked and not in_lockstep):
             return 0
-        return priority_of("publish", wanted.priority or CYCLE_PRIORITY, in_lockstep)
+        return priority_of("transport", wanted.priority or CYCLE_PRIORITY, in_lockstep)
 
     def _fail(self, error: BaseException) -> None:
         """Keep what went wrong in the cycle's thread: the process ends with it."""

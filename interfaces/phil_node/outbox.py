@@ -55,7 +55,9 @@ class Outbox:
     topic is sent the same in batches.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, role: str = "publish") -> None:
+        """Take the role of the thread (``scheduling.ROLES``)."""
+        self._role = role
         self.failed = 0
         self.process: TopicsProcess | None = None
         self.topics: list[Topic] = []
@@ -155,7 +157,7 @@ class Outbox:
             self.failed += 1
 
     def _run(self) -> None:
-        set_thread("publish")
+        set_thread(self._role)
         while self._running:
             sleep(EVERY)
             self.look_for_followers()

@@ -19,6 +19,7 @@ from phil_node.parameters import Group, parameter
 from phil_node.scheduling import (
     CYCLE,
     IN_CYCLE,
+    IN_PYTHON,
     MIDDLE,
     Answer,
     cpus_of,
@@ -167,7 +168,7 @@ def _give(thread: int, role: str) -> Answer:
     name = "cycle" if role in IN_CYCLE else role
     granted.take(f"scheduling of {name}", answer)
     first = answer.granted.startswith("SCHED_FIFO")
-    choose = _for_cycle if role in IN_CYCLE else _for_others
+    choose = _for_cycle if role in IN_PYTHON else _for_others
     granted.take(f"CPUs of {name}", stay_on([thread], choose(wanted, first, _STANDING.level)))
     _slack([thread], wanted.timer_slack)
     return answer

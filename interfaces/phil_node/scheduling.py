@@ -16,15 +16,18 @@ ROLES: Mapping[str, int] = {
     "rig": 45,
     "controller": 44,
     "environment": 43,
+    "publish": 42,
+    "serve": 41,
     "transport": PRIORITY,
-    "publish": PRIORITY,
     "listen": 35,
 }
 """Priority by role in real time. rig, controller, environment: the threads of the cycle, each of which computes what
 the next one waits for; they share a CPU, and whoever has to move the drive goes before who has sent what it waits for.
-transport: executor and middleware. publish: hands over what the cycle has left. listen: all threads of monitor and
-recorder."""
+publish: hands over what the cycle has left. serve: services, parameters, timers. transport: middleware. listen: all
+threads of monitor and recorder."""
 IN_CYCLE = ("rig", "controller", "environment")
+IN_PYTHON = (*IN_CYCLE, "publish", "serve")
+"""Roles of the threads of a node of the loop that take turns with its cycle, by the interpreter's lock."""
 CYCLE = ROLES["rig"]
 MIDDLE = "transport"
 TASKS = Path("/proc/self/task")

@@ -18,6 +18,7 @@ from phil_node.link import Inlet, Outlet, address
 from phil_node.outbox import Outbox, Topic
 from phil_node.paths import CycleReceiver, CycleSender, Follower, Receiver, Sender
 from phil_node.qos import NO_PUBLISHER_EVENTS, NO_SUBSCRIPTION_EVENTS
+from phil_node.scheduling import IN_CYCLE
 from phil_node.topics import NAMESAKES, TopicsProcess
 
 R = TypeVar("R", bound=Receiver)
@@ -52,7 +53,7 @@ class Wires:
         self.thread = CycleThread(lock, failed, self._look, role)
         self.open = False
         self.process: TopicsProcess | None = None
-        self._outbox = Outbox()
+        self._outbox = Outbox("publish" if role in IN_CYCLE else role)
         self._receivers: list[Receiver] = []
         self._outlets: list[Outlet] = []
         self._heard: dict[int, str] = {}
