@@ -26,8 +26,14 @@ CAP_IPC_LOCK = 14
 RESERVE = 1024 * MIB
 """What a process with a limit to locked memory has to be allowed beyond its present size: past the limit every mmap
 fails, and with it the process. Address space counts, not what is used of it: threads' stacks, the compiler's arenas."""
+SMALL = 479
+"""Bytes in an object for which Python needs 512 (CPython's SMALL_REQUEST_THRESHOLD)."""
+EACH = 512
+"""Of so many objects one is kept: some in each MiB (CPython's ARENA_SIZE; 256 KiB before 3.10)."""
 
 _libc = ctypes.CDLL(None, use_errno=True)
+_KEPT: list[bytes] = []
+"""Objects that keep memory of Python's."""
 
 
 def status_of(key: str) -> int:
@@ -98,7 +104,11 @@ def lean_heap() -> bool:
 
 
 def touch_heap(size: int) -> int:
-    """Touch ``size`` bytes of heap that later calls of malloc then get; give how many (after :func:`keep_heap`)."""
+    """Touch ``size`` bytes of heap that later calls of malloc in the calling thread get, and give how many.
+
+    After :func:`keep_heap`. A thread has a heap of its own as a rule, and that grows page by page, by a system call and
+    a page fault each.
+    """
     _libc.malloc.restype, _libc.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
     _libc.free.restype, _libc.free.argtypes = None, [ctypes.c_void_p]
     blocks = []
@@ -113,6 +123,17 @@ def touch_heap(size: int) -> int:
     for block, _ in blocks:
         _libc.free(block)
     return sum(length for _, length in blocks)
+
+
+def touch_objects(size: int) -> int:
+    """Touch ``size`` bytes for Python's small objects, and have them stay; give how many do.
+
+    Python maps memory for objects of up to 512 bytes by the MiB, and unmaps a MiB in which no object is left. So a few
+    objects of each are kept for ever.
+    """
+    made = [bytes(SMALL) for _ in range(0, max(0, size - len(_KEPT) * EACH * 512), 512)]
+    _KEPT.extend(made[::EACH])
+    return len(_KEPT) * EACH * 512
 
 
 class _Attributes(ctypes.Structure):

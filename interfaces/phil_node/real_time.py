@@ -64,7 +64,11 @@ class RealTime(Group):
     lock_memory: bool = parameter("Keep in memory what the process has touched (mlockall), swapped out by nobody")
     keep_heap: bool = parameter("Let malloc keep what is freed, instead of giving it back to the system")
     heap_reserve: float = parameter(
-        "Heap that is touched at activation, so that the cycle finds it there", unit="MiB", low=0.0, high=1024.0
+        "Heap that is touched at activation, so that the cycle finds it there: for each thread of the cycle so much, "
+        "and for Python's small objects",
+        unit="MiB",
+        low=0.0,
+        high=1024.0,
     )
     malloc_arenas: int = parameter(
         "Most arenas of malloc, whose locks threads share; 0: glibc's rule, 8 a CPU", unit="1", low=0, high=1024
@@ -157,6 +161,8 @@ def set_thread(role: str) -> Answer:
         thread = threading.get_native_id()
         _STANDING.roles[thread] = role
         memory.touch_stack(STACK)
+        if _STANDING.wanted is not None and _STANDING.wanted.keep_heap:
+            memory.touch_heap(_reserve(_STANDING.wanted))
         return _give(thread, role)
 
 
@@ -233,5 +239,11 @@ def _slack(threads: list[int], seconds: float) -> Answer:
 
 def _heap(wanted: RealTime) -> Answer:
     answer = memory.keep_heap(wanted.malloc_arenas) if wanted.keep_heap else Answer("as the C library does")
-    reserve = memory.touch_heap(round(wanted.heap_reserve * memory.MIB)) if wanted.keep_heap else 0
+    reserve = memory.touch_heap(_reserve(wanted)) if wanted.keep_heap else 0
+    if wanted.keep_heap:
+        memory.touch_objects(_reserve(wanted))
     return Answer(f"{answer.granted}, {reserve / memory.MIB:g} MiB touched", answer.advice)
+
+
+def _reserve(wanted: RealTime) -> int:
+    return round(wanted.heap_reserve * memory.MIB)
