@@ -19,7 +19,7 @@ from rich.console import Console
 
 from bench.realtime import against, run, tables, usage
 from bench.realtime.disturbance import OUTSIDE, Disturbance, plain, work_of
-from bench.realtime.figures import Measured, longest_run, measured, turnarounds
+from bench.realtime.figures import Measured, longest_run, measured, ticks_skipped, turnarounds
 from bench.realtime.goals import goals
 from bench.realtime.options import RealtimeOptions, WrongUse, add_options, options_from
 from bench.realtime.run import turns
@@ -34,6 +34,7 @@ TS = 2_000_000  # ns
 def states(modes: list[int], late: list[int]) -> Table:
     count = len(modes)
     columns = {"cycle": np.arange(count), "mode": np.array(modes), "late_commands": np.array(late)}
+    columns |= {"header.stamp.sec": np.full(count, 7), "header.stamp.nanosec": np.arange(count) * TS}
     return Table("/test_rig_sim/state", "phil_interfaces/msg/RigState", np.arange(count) * TS, columns)
 
 
@@ -70,6 +71,16 @@ def test_late_and_bridged_of_a_window() -> None:
     assert (found.first, found.cycles, found.late, found.bridged, found.retracted) == (3, 7, 4, 3, False)
     assert found.late_at.tolist() == [5, 6, 7, 9]
     assert found.share == pytest.approx(4 / 7)
+
+
+@given(st.lists(st.integers(0, 5), min_size=3, max_size=30), st.integers(1, 10_000_000))
+def test_cycles_that_the_rig_left_out_are_in_its_stamps(left_out: list[int], period: int) -> None:
+    """A lost record is none of them: then the cycle numbers jump as well. Half of the steps have to be as usual."""
+    left_out += [0] * (len(left_out) + 1)
+    steps = 1 + np.array(left_out)
+    stamps = np.concatenate([[0], np.cumsum(steps)]) * period
+    assert ticks_skipped(np.arange(stamps.size), stamps) == sum(left_out)
+    assert ticks_skipped(np.concatenate([[0], np.cumsum(steps)]), stamps) == 0
 
 
 def test_a_retract_ends_what_counts() -> None:

@@ -39,6 +39,8 @@ class Measured:
     begin: int
     end: int
     """Log times in ns of the first and the last of these cycles."""
+    skipped: int = 0
+    """Cycles that were left out because the rig itself did not run in time: nobody waited for a command in them."""
 
     @property
     def share(self) -> float:
@@ -65,6 +67,21 @@ def turnarounds(timing: Table, first: int, last: int) -> Times:
     ends = timing["cycle"].astype(np.int64).tolist()
     cycles = np.concatenate([np.arange(end + 1 - len(one), end + 1) for end, one in zip(ends, batches, strict=True)])
     return np.asarray(np.concatenate(batches)[(first <= cycles) & (cycles <= last)], np.float64)
+
+
+def stamps_of(table: Table) -> NDArray[np.int64]:
+    """Give the stamps of a table's messages in ns."""
+    seconds, rest = (table[f"header.stamp.{part}"].astype(np.int64) for part in ("sec", "nanosec"))
+    return np.asarray(seconds * 1_000_000_000 + rest)
+
+
+def ticks_skipped(cycle: NDArray[np.int64], stamp: NDArray[np.int64]) -> int:
+    """Count the cycles that a rig left out: its stamps (ns) jump by them, its numbers do not."""
+    if stamp.size < 2:
+        return 0
+    period = float(np.median(np.diff(stamp)))
+    left_out = np.diff(stamp) / period - np.diff(cycle)
+    return int(np.rint(left_out[left_out > 0.5]).sum())
 
 
 def measured(tables: Mapping[str, Table], begin: int, end: int) -> Measured:
@@ -103,4 +120,5 @@ def measured(tables: Mapping[str, Table], begin: int, end: int) -> Measured:
         turnaround=found,
         begin=int(logged[0]),
         end=int(logged[stop - 1]),
+        skipped=ticks_skipped(cycle[:stop], stamps_of(state)[rows][:stop]),
     )

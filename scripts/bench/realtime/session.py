@@ -28,7 +28,10 @@ START_SECONDS = 300.0
 END_SECONDS = 60.0
 RECORDER = "recorder"
 TOPICS, OF_TOPICS = "phil_node.topics_process", "its topics"
-FIELDS = {"RigState": ("cycle", "mode", "late_commands"), "CycleTiming": ("cycle", "turnaround")}
+FIELDS = {
+    "RigState": ("header.stamp.sec", "header.stamp.nanosec", "cycle", "mode", "late_commands"),
+    "CycleTiming": ("cycle", "turnaround"),
+}
 WRONG, WORDS = 2, 8
 """Exit code of a ride whose parameters are wrong; lines that are repeated of one that failed."""
 FAILED = "the ride failed: "

@@ -36,7 +36,12 @@ def ride_sheet(rides: Sequence[Ridden]) -> Sheet:
         found, times = ride.figures, ride.figures.turnaround.get(RIG, np.zeros(0))
         median, p99 = np.percentile(times, [50.0, 99.0]) * 1e3 if times.size else (float("nan"), float("nan"))
         row: dict[str, object] = {"build": ride.build, "cycles": found.cycles, "late": found.late, "share": found.share}
-        row |= {"bridged_on_end": found.bridged, "median_ms": float(median), "p99_ms": float(p99)}
+        row |= {
+            "bridged_on_end": found.bridged,
+            "skipped": found.skipped,
+            "median_ms": float(median),
+            "p99_ms": float(p99),
+        }
         row |= {"retracted": found.retracted, "outcome": ride.outcome, "late_cycles": found.late_at.tolist()}
         stood = ride.standstills
         row |= {"standstills": stood.begin.size, "longest_standstill_ms": stood.longest * 1e3}
@@ -51,6 +56,7 @@ def ride_sheet(rides: Sequence[Ridden]) -> Sheet:
         "cycles": "cycles",
         "late": "late",
         "bridged_on_end": "on end",
+        "skipped": "skipped",
         "standstills": "machine stood",
     }
     heads |= {"longest_standstill_ms": "longest ms", "late_then": "late then", "median_ms": "median ms"}
