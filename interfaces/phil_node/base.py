@@ -28,9 +28,9 @@ from phil_node.parameters import Group, ParameterError, defaults, infos, values_
 from phil_node.paths import CycleReceiver, CycleSender, Follower, Sender
 from phil_node.process import RCLError, leave, run
 from phil_node.qos import CYCLE
-from phil_node.real_time import FIFO, Granted, apply
+from phil_node.real_time import FIFO, Granted, apply, set_thread
 from phil_node.scheduling import CYCLE as CYCLE_PRIORITY
-from phil_node.scheduling import priority_of
+from phil_node.scheduling import IN_CYCLE, priority_of
 from phil_node.timing import Timing
 from phil_node.wires import Wires
 
@@ -273,6 +273,8 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             return
         in_lockstep = getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP
         self.granted = apply(wanted, self.threads_role, level=in_lockstep)
+        if self.cycle_role in IN_CYCLE:
+            set_thread("serve")
         for line in () if in_lockstep else self.granted.advice:
             self.get_logger().warning(line)
 

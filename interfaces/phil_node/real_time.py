@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import os
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -164,6 +165,13 @@ def set_thread(role: str) -> Answer:
         if _STANDING.wanted is not None and _STANDING.wanted.keep_heap:
             memory.touch_heap(_reserve(_STANDING.wanted))
         return _give(thread, role)
+
+
+def let_go(process: int) -> None:
+    """Give a process that was started by this one the ordinary class, and the CPUs that this one was started with."""
+    with suppress(OSError):
+        os.sched_setscheduler(process, os.SCHED_OTHER, os.sched_param(0))
+        os.sched_setaffinity(process, _STANDING.cpus)
 
 
 def _give(thread: int, role: str) -> Answer:

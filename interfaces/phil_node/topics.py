@@ -17,6 +17,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from phil_node.link import LONGEST, Message, Peer, batches, messages_of
+from phil_node.real_time import let_go
 
 MESSAGES, COMMAND, ACKNOWLEDGED = 0, 1, 2
 """First byte of what goes between the two processes."""
@@ -90,6 +91,7 @@ class TopicsProcess:
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,
             )
+        let_go(self._child.pid)  # a node's thread that starts it again may come before others, on the cycle's CPU
         ours.setblocking(False)
         self._connection = ours
         self._peer = Peer(ours)

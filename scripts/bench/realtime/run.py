@@ -103,8 +103,8 @@ def notes(options: RealtimeOptions, rides: Sequence[Ridden]) -> list[str]:
         f"{len(os.sched_getaffinity(0))} cores, load average at the end {os.getloadavg()[0]:.2f}. By others: what was "
         "used by none of the processes of this bench. Stolen: what the host gave to other machines. Machine stood: "
         "times in which a process that comes before all others (SCHED_FIFO 90) woke up late by half a cycle or more, "
-        "the longest, and the late commands in them or within 20 ms behind; these count as late like all others. Skipped: "
-        "cycles that the rig left out because it did not run itself for longer than test_rig_sim.catch_up of them.",
+        "the longest, and the late commands in them or within 20 ms behind; these count as late like all others. "
+        "Skipped: cycles that the rig left out because it did not run itself for longer than test_rig_sim.catch_up.",
     ]
     if options.parameters:
         said.append(f"ridden with {', '.join(options.parameters)}")
