@@ -36,6 +36,8 @@ def kernel(machine: Machine) -> Iterator[Finding]:
         "real-time kernel: sudo apt-get install linux-image-rt-amd64 on Debian, sudo pro enable realtime-kernel on "
         "Ubuntu)"
     )
+    if "PREEMPT_DYNAMIC" in machine.text("/proc/sys/kernel/version"):
+        do = f"echo full | sudo tee /sys/kernel/debug/sched/preempt   ; to last, {do}"
     yield Finding("kernel", value, NOTE, why, do)
 
 
@@ -133,4 +135,20 @@ def memory_management(machine: Machine) -> Iterator[Finding]:
         )
 
 
-LOOKS = (kernel, time_for_fifo, clocks, memory_management)
+def memory_walkers(machine: Machine) -> Iterator[Finding]:
+    """DAMON: an ordinary thread of the kernel walks the memory of all processes, with a lock that mmap needs."""
+    folder = "/sys/kernel/mm/damon/admin/kdamonds"
+    going = [each for each in machine.all(f"{folder}/*/state") if each.read_text().strip() == "on"]
+    modules = [
+        each for each in machine.all("/sys/module/damon_*/parameters/enabled") if each.read_text().strip() == "Y"
+    ]
+    if not going and not modules:
+        yield Finding("memory walkers", "none")
+        return
+    do = [f"echo off | sudo tee {folder}/{each.parent.name}/state" for each in going]
+    do += [f"echo N | sudo tee /sys/module/{each.parts[-3]}/parameters/enabled" for each in modules]
+    why = "who maps memory waits for it, 1 to 20 ms were seen: recorder, viewers, a cycle with too little heap"
+    yield Finding("memory walkers", "DAMON", NOTE, why, "; ".join(do))
+
+
+LOOKS = (kernel, time_for_fifo, clocks, memory_management, memory_walkers)

@@ -72,6 +72,21 @@ def test_huge_pages_and_swap(tmp_path):
     assert swap.value == "512 of 2048 MiB used"
 
 
+def test_who_walks_through_the_memory_of_all_is_named_with_the_switch(tmp_path):
+    admin, module = "sys/kernel/mm/damon/admin/kdamonds", "sys/module/damon_reclaim/parameters/enabled"
+    (found,) = kernel.memory_walkers(write(Machine(tmp_path), {f"{admin}/0/state": "off", module: "N"}))
+    assert found.verdict == OK
+    (found,) = kernel.memory_walkers(write(Machine(tmp_path), {f"{admin}/1/state": "on\n", module: "Y"}))
+    assert found.verdict == NOTE
+    assert found.do == f"echo off | sudo tee /{admin}/1/state; echo N | sudo tee /{module}"
+
+
+def test_a_dynamic_kernel_can_be_told_while_it_runs(tmp_path):
+    told, built = ({VERSION: f"#1 SMP PREEMPT{end}"} for end in ("_DYNAMIC", "_LAZY"))
+    assert "sched/preempt   ;" in next(kernel.kernel(write(Machine(tmp_path), RELEASE | told))).do
+    assert "debug" not in next(kernel.kernel(write(Machine(tmp_path), RELEASE | built))).do
+
+
 def test_a_machine_that_tells_nothing_is_no_reason_to_stop(tmp_path):
     found = list(looked((*kernel.LOOKS, *processor.LOOKS, *transport.LOOKS), Machine(tmp_path)))
     assert len(found) > 12
