@@ -313,7 +313,7 @@ def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Name
     gc.freeze()
     gc.disable()
     turns = Turns(recorder, sink, options, asked)
-    # A timer, and one long turn of the executor: rclpy's events executor keeps 32 bytes of each turn for good.
+    # A timer, and one long turn of the executor: each wait leaves a callback with the future for good.
     timer = node.create_timer(LOOK, turns.take, clock=Clock(clock_type=ClockType.STEADY_TIME))
     turns.pace = partial(setattr, timer, "timer_period_ns")
     while not turns.done.done():

@@ -109,7 +109,7 @@ def _spin(node: PhilNode[Any], executor: Any, ending: Ending) -> None:
 
     node.finished.add_done_callback(finish)
     node.create_timer(SIGNAL_SECONDS, look, clock=node.steady)
-    # One long turn: entering the executor costs 25 us, and 32 bytes that rclpy's events executor never gives back.
+    # One long turn: entering the executor costs 25 us, and each wait leaves a callback with the future for good.
     # Not spin(): it waits for messages in a busy loop.
     while rclpy.ok() and not over.done():
         executor.spin_until_future_complete(over, timeout_sec=LONG)
