@@ -20,9 +20,11 @@ from energy_monitor.topics import RECORDED
 from energy_monitor.watch import Watch
 from phil_node.clear_words import clear
 from phil_node.command_line import UNUSABLE, Parser, path, seconds
-from phil_node.memory import lean_heap
+from phil_node.memory import lean_heap, touch_objects
 from phil_node.surroundings import leave_if_unusable
 
+RESERVE = 32 << 20
+"""Bytes for small objects that are there from the start: else the memory grows with the largest burst of messages yet."""
 EAGER = 30.0
 """s from the start in which new topics are looked for five times a second, then once a second."""
 QUIET = 0.3
@@ -181,6 +183,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     leave_if_unusable()
     lean_heap()
+    touch_objects(RESERVE)
     # Loading ROS takes a while: the handlers above must already stand.
     import rclpy
 
