@@ -23,7 +23,7 @@ from phil_node.command_line import UNUSABLE, Parser, path, seconds
 from phil_node.memory import lean_heap, touch_objects
 from phil_node.surroundings import leave_if_unusable
 
-RESERVE = 32 << 20
+RESERVE = 8 << 20
 """Bytes for small objects that are there from the start: else memory grows with the largest burst of messages yet."""
 EAGER = 30.0
 """s from the start in which new topics are looked for five times a second, then once a second."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import OrderedDict
 
 REMEMBERED = 5000
 """Messages back for which it is known that they came already by the other way."""
+
+LINK, TOPIC = 0, 1
 
 
 class Once:
@@ -16,21 +19,42 @@ class Once:
     """
 
     def __init__(self) -> None:
-        self._by_link: OrderedDict[int, int] = OrderedDict()
-        self._by_topic: OrderedDict[int, int] = OrderedDict()
+        # While all come one way, which is the rule, a number for each is enough. Its room is there from the start:
+        # topics that speak once a second would fill it for an hour.
+        self._alone = array("q", bytes(8 * REMEMBERED))
+        self.clear()
 
     def clear(self) -> None:
         """Forget all."""
-        self._by_link.clear()
-        self._by_topic.clear()
+        self._count, self._way = 0, LINK
+        self._ways: tuple[OrderedDict[int, int], OrderedDict[int, int]] | None = None
 
     def from_link(self, data: bytes) -> bool:
         """Tell whether a message that came by the link is new."""
-        return _new(data, self._by_link, self._by_topic)
+        return self._new(data, LINK)
 
     def from_topic(self, data: bytes) -> bool:
         """Tell whether a message that came by the topic is new."""
-        return _new(data, self._by_topic, self._by_link)
+        return self._new(data, TOPIC)
+
+    def _new(self, data: bytes, way: int) -> bool:
+        if self._ways is None:
+            if way == self._way or not self._count:
+                self._way = way
+                self._alone[self._count % REMEMBERED] = hash(data)
+                self._count += 1
+                return True
+            self._ways = self._both()
+        return _new(data, self._ways[way], self._ways[1 - way])
+
+    def _both(self) -> tuple[OrderedDict[int, int], OrderedDict[int, int]]:
+        """Give what is remembered of either way, from when all came one way."""
+        ways: tuple[OrderedDict[int, int], OrderedDict[int, int]] = OrderedDict(), OrderedDict()
+        seen = ways[self._way]
+        for number in range(max(0, self._count - REMEMBERED), self._count):
+            digest = self._alone[number % REMEMBERED]
+            seen[digest] = seen.get(digest, 0) + 1
+        return ways
 
 
 def _new(data: bytes, mine: OrderedDict[int, int], other: OrderedDict[int, int]) -> bool:

@@ -140,7 +140,7 @@ class Disturbance:
             several = {name: child for name, child in self._children.items() if name.startswith(group)}
             for child in several.values():
                 if child.poll() is None:
-                    child.send_signal(signal.SIGINT if group == "recorder" else signal.SIGTERM)
+                    child.send_signal(signal.SIGTERM)  # SIGINT may be ignored before the child has its own handler
             deadline = time.monotonic() + (RECORDER_PATIENCE if group == "recorder" else PATIENCE)
             for child in several.values():
                 try:
