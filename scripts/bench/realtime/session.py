@@ -21,6 +21,8 @@ from energy_monitor.bag import BagError, read_bag
 EVERY = 0.5
 """s between two looks at the processes."""
 LOOK = 0.1
+LOOKS = 20
+"""Looks from the start in which processes for topics are looked for."""
 BEGUN_BYTES = 1_000_000
 """Size of a bag that has cycles in it; before them it holds definitions and a few diagnostics."""
 START_SECONDS = 300.0
@@ -93,8 +95,9 @@ class _Watch:
         if len(self._processes) < len(NODES) + 1:
             self._processes = processes(children(self._child.pid))
             return
-        if not any(name.endswith(OF_TOPICS) for name in self._processes):
-            self._processes |= topics_of(self._processes)
+        # They come one after the other, and an older build has none.
+        if len(self._processes) < 2 * len(NODES) + 1 and len(self.samples) < LOOKS:
+            self._processes |= topics_of({name: pid for name, pid in self._processes.items() if name in NODES})
         self.samples.append(sample(self._processes, self.own))
         # The ride asks for it before the first cycle; what is seen last counts, so it is not looked at often.
         if len(self.samples) % 10 == 0:
