@@ -13,7 +13,7 @@ FOLLOWED = (TRACKING, BRIDGING)
 STEADY = 25
 """Successive cycles of these modes after which the drive is back."""
 STOOD = 0.04
-"""Time in s without a state after which the rig has stood still."""
+"""Time in s by which a rig's stamps go ahead of its cycles when it has stood still."""
 SILENCE = 1.0
 """Time in s without a state of the rig after which it is silent."""
 WARN = 1
@@ -31,6 +31,7 @@ class Sight(NamedTuple):
     f: float  # N
     current: float  # A
     late: int
+    stamp: float  # s, of the rig's clock
 
 
 @dataclass
@@ -111,11 +112,12 @@ def peaks(sights: Sequence[Sight]) -> Peaks:
     return Peaks(largest("w"), largest("v"), largest("f"), largest("current"))
 
 
-def outcome(sights: Sequence[Sight], since: float, until: float) -> tuple[str, float | None]:
+def outcome(sights: Sequence[Sight], since: float, until: float, period: float) -> tuple[str, float | None]:
     """Give what the drive did at last, and how long after ``since`` (s) it was safe; ``until`` is the end of the watch.
 
     It tracks if its newest states follow their commands; the time is then that of the first of `STEADY` followed cycles
-    in a row behind the last gap.
+    in a row behind the last gap. Whether the rig stood still is told by its stamps and cycles (of ``period`` s): who
+    watches may be held up himself.
     """
     after = [sight for sight in sights if sight.at >= since]
     rest = next((sight.at for sight in after if sight.mode == STOPPED), None)
@@ -125,9 +127,11 @@ def outcome(sights: Sequence[Sight], since: float, until: float) -> tuple[str, f
         return SILENT, max(0.0, after[-1].at - since) if after else 0.0
     if any(sight.mode == RETRACTING for sight in after):
         return RETRACTS, None
-    run, back, away, before = 0, since, False, since
+    run, back, away = 0, since, False
+    before = next((sight for sight in reversed(sights) if sight.at < since), after[0])
     for number, sight in enumerate(after):
-        stood, before = sight.at - before > STOOD, sight.at
+        stood = sight.stamp - before.stamp - period * max(0, sight.cycle - before.cycle) > STOOD
+        before = sight
         away = away or stood or sight.mode not in FOLLOWED
         run = 0 if sight.mode not in FOLLOWED else 1 if stood else run + 1
         if away and run >= STEADY:

@@ -64,4 +64,5 @@ def sight(at: float, data: bytes) -> Sight | None:
     m: Any = deserialize_message(data, RigState)
     if m.header.frame_id == RIVAL:
         return None
-    return Sight(at, m.cycle, m.mode, m.w_tr, m.v_tr, m.f_tr, m.current, m.late_commands)
+    stamp = m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec
+    return Sight(at, m.cycle, m.mode, m.w_tr, m.v_tr, m.f_tr, m.current, m.late_commands, stamp)

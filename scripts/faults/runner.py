@@ -146,7 +146,7 @@ class Runner:
 
     def _judge_drive(self, stand: Stand, fault: Fault, row: Row, late: int) -> None:
         sights = stand.observer.sights()
-        row.ended, row.safe_after = judge.outcome(sights, stand.begun, time.monotonic())
+        row.ended, row.safe_after = judge.outcome(sights, stand.begun, time.monotonic(), 1.0 / self._rate)
         row.late = max((sight.late for sight in sights), default=late) - late
         row.peaks = judge.peaks(sights)
         row.failures += row.peaks.beyond(self._limits(stand))

@@ -38,55 +38,71 @@ LIMITS = Limits(position=0.3, speed=3.0, force=500.0, current=30.0)
 
 def seen(*modes: int, begin: int = 0, **values: float) -> list[Sight]:
     still = {"w": 0.0, "v": 0.0, "f": 0.0, "current": 0.0} | values
-    return [Sight(k * TS, k, mode, late=0, **still) for k, mode in enumerate(modes, begin)]
+    return [Sight(k * TS, k, mode, late=0, stamp=k * TS, **still) for k, mode in enumerate(modes, begin)]
 
 
 def test_a_ride_that_is_not_disturbed_tracks_at_once() -> None:
     sights = seen(*[TRACKING] * 200)
-    assert outcome(sights, 0.1, 0.4) == (TRACKS, 0.0)
+    assert outcome(sights, 0.1, 0.4, TS) == (TRACKS, 0.0)
     assert steady(sights, 0.1)
 
 
 @given(st.integers(1, 60), st.integers(STEADY, 80))
 def test_safe_is_the_first_of_the_cycles_that_are_followed_for_good(away: int, back: int) -> None:
     sights = seen(*[TRACKING] * 50, *[HOLDING] * away, *[TRACKING] * back)
-    ended, after = outcome(sights, 50 * TS, sights[-1].at)
+    ended, after = outcome(sights, 50 * TS, sights[-1].at, TS)
     assert ended == TRACKS
     assert after is not None and math.isclose(after, away * TS, abs_tol=1e-9)
 
 
 def test_a_single_late_command_that_is_bridged_is_no_gap() -> None:
     sights = seen(*([TRACKING] * 10 + [BRIDGING]) * 20)
-    assert outcome(sights, 50 * TS, sights[-1].at) == (TRACKS, 0.0)
+    assert outcome(sights, 50 * TS, sights[-1].at, TS) == (TRACKS, 0.0)
 
 
 def test_a_rig_that_stood_still_is_safe_when_it_goes_on() -> None:
     early = seen(*[TRACKING] * 50)
-    later = [sight._replace(at=sight.at + 0.5) for sight in seen(*[TRACKING] * STEADY, begin=50)]
-    ended, after = outcome([*early, *later], 49 * TS, later[-1].at)
+    later = [
+        sight._replace(at=sight.at + 0.5, stamp=sight.stamp + 0.5) for sight in seen(*[TRACKING] * STEADY, begin=50)
+    ]
+    ended, after = outcome([*early, *later], 49 * TS, later[-1].at, TS)
     assert ended == TRACKS and after is not None and math.isclose(after, 0.502)
-    assert outcome([*early, *later[:-1]], 49 * TS, later[-2].at) == (TRACKS, None)
+    assert outcome([*early, *later[:-1]], 49 * TS, later[-2].at, TS) == (TRACKS, None)
+
+
+def test_who_watches_may_be_held_up_or_lose_some_without_a_fault_of_the_drive() -> None:
+    early = seen(*[TRACKING] * 50)
+    later = [sight._replace(at=sight.at + 0.5) for sight in seen(*[TRACKING] * STEADY, begin=150)]
+    assert outcome([*early, *later], 49 * TS, later[-1].at, TS) == (TRACKS, 0.0)
+
+
+def test_a_rig_that_begins_anew_is_safe_from_then_on() -> None:
+    """Its process was started again: the cycles begin with 0."""
+    early = seen(*[TRACKING] * 50)
+    later = [sight._replace(at=sight.at + 3.0, stamp=sight.stamp + 3.0) for sight in seen(*[TRACKING] * STEADY)]
+    ended, after = outcome([*early, *later], 49 * TS, later[-1].at, TS)
+    assert ended == TRACKS and after is not None and math.isclose(after, 3.0 - 49 * TS)
 
 
 def test_a_drive_that_is_not_back_for_long_enough_is_not_safe() -> None:
     sights = seen(*[TRACKING] * 50, *[HOLDING] * 5, *[TRACKING] * (STEADY - 1))
-    assert outcome(sights, 50 * TS, sights[-1].at) == (TRACKS, None)
+    assert outcome(sights, 50 * TS, sights[-1].at, TS) == (TRACKS, None)
     assert not steady(sights, 50 * TS)
 
 
 def test_a_retract_is_safe_when_the_drive_rests() -> None:
     sights = seen(*[TRACKING] * 50, *[RETRACTING] * 100, STOPPED)
-    assert outcome(sights, 50 * TS, sights[-1].at) == (RETRACTS, 150 * TS - 50 * TS)
-    assert outcome(sights, 50 * TS, sights[-1].at + 10.0)[0] == RETRACTS  # a rig that rests says nothing more
-    assert outcome(sights[:-1], 50 * TS, sights[-1].at) == (RETRACTS, None)
-    assert outcome(sights[:-1], 50 * TS, sights[-1].at + 10.0)[0] == SILENT
+    assert outcome(sights, 50 * TS, sights[-1].at, TS) == (RETRACTS, 150 * TS - 50 * TS)
+    assert outcome(sights, 50 * TS, sights[-1].at + 10.0, TS)[0] == RETRACTS  # a rig that rests says nothing more
+    assert outcome(sights[:-1], 50 * TS, sights[-1].at, TS) == (RETRACTS, None)
+    assert outcome(sights[:-1], 50 * TS, sights[-1].at + 10.0, TS)[0] == SILENT
     assert steady(sights, 0.0) and not steady(sights[:-1], 50 * TS)
 
 
 def test_a_rig_that_says_nothing_is_silent() -> None:
     sights = seen(*[TRACKING] * 50)
-    assert outcome(sights, 40 * TS, 49 * TS + SILENCE + 0.1)[0] == SILENT
-    assert outcome(sights, 1.0, 2.0) == (SILENT, 0.0)
+    assert outcome(sights, 40 * TS, 49 * TS + SILENCE + 0.1, TS)[0] == SILENT
+    assert outcome(sights, 1.0, 2.0, TS) == (SILENT, 0.0)
 
 
 @given(st.sampled_from(Peaks._fields), st.floats(0.0, 1e4), st.sampled_from((1.0, -1.0)))
