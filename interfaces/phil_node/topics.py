@@ -17,7 +17,6 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from phil_node.link import LONGEST, Message, Peer, batches, messages_of
-from phil_node.real_time import let_go
 
 MESSAGES, COMMAND, ACKNOWLEDGED = 0, 1, 2
 """First byte of what goes between the two processes."""
@@ -83,6 +82,8 @@ class TopicsProcess:
         self._start()
 
     def _start(self) -> None:
+        from phil_node.real_time import let_go  # with all of its parameters: nothing that the process itself needs
+
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._child = subprocess.Popen(

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 from phil_node.clear_words import ClearError
 from test_rig_sim.motion import Pace, at_rest, towards
@@ -102,6 +101,8 @@ def _from_file(name: str, period: float) -> Array:
     length = float(table[-1, 0] - table[0, 0])
     if length > LONGEST:
         raise ValueError(f"trajectory.file = {name}: lasts {length:g} s, at most {LONGEST:g} s are allowed")
+    from scipy.interpolate import CubicSpline  # half a second to load, and few rides need it
+
     count = math.ceil(length / period - 1e-9)
     try:
         with np.errstate(all="ignore"):  # what overflows is no number, and refused

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from catenary_model.absorbing import stability
 from catenary_model.absorbing.boundary import BoundaryStencil, unknowns
@@ -195,6 +194,8 @@ def _minimise(fun: Callable[[Array], tuple[Array, Array]], x: Array, settings: S
         return both(y)[1]
 
     limit = settings.step
+    from scipy.optimize import least_squares  # a fifth of a second to load, and a ride on elements needs it not
+
     found = least_squares(
         value,
         np.clip(x, -limit, limit),
