@@ -145,8 +145,6 @@ class Ride:
         self._refuse_neighbours(1)
         with self._busy("configuring (the first time compiles the kernels)"):
             for managed in self._managed.values():
-                managed.ask(CONFIGURE)  # each designs its model and loads kernels: all at once, on all cores
-            for managed in self._managed.values():
                 self._go(managed, CONFIGURE, CONFIGURE_SECONDS)
             self._wait_for_recorder()
         self._go_first()
