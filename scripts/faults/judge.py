@@ -117,7 +117,7 @@ def outcome(sights: Sequence[Sight], since: float, until: float, period: float) 
 
     It tracks if its newest states follow their commands; the time is then that of the first of `STEADY` followed cycles
     in a row behind the last gap. Whether the rig stood still is told by its stamps and cycles (of ``period`` s): who
-    watches may be held up himself.
+    watches may be held up himself. What he did not see, the count of late commands tells: it rises by each.
     """
     after = [sight for sight in sights if sight.at >= since]
     rest = next((sight.at for sight in after if sight.mode == STOPPED), None)
@@ -131,6 +131,7 @@ def outcome(sights: Sequence[Sight], since: float, until: float, period: float) 
     before = next((sight for sight in reversed(sights) if sight.at < since), after[0])
     for number, sight in enumerate(after):
         stood = sight.stamp - before.stamp - period * max(0, sight.cycle - before.cycle) > STOOD
+        stood = stood or sight.late - before.late > 1
         before = sight
         away = away or stood or sight.mode not in FOLLOWED
         run = 0 if sight.mode not in FOLLOWED else 1 if stood else run + 1

@@ -33,7 +33,6 @@ class Managed:
         self.name = name
         self.state = "unconfigured"
         self._client = node.create_client(ChangeState, f"{name}/change_state")
-        self._asked: tuple[int, Any] | None = None
         self.spin = spin
 
     def wait(self, seconds: float) -> None:
@@ -50,57 +49,34 @@ class Managed:
                 raise RideError(f"{self.name} did not come up within {seconds:g} s")
             self.spin()
 
-    def ask(self, transition: int) -> None:
-        """Ask for a transition, without waiting for it: `go` does that."""
-        request = ChangeState.Request()
-        request.transition.id = transition
-        self._asked = transition, self._client.call_async(request)
-
     def go(self, transition: int, seconds: float) -> None:
-        """Make one transition, asked for before or now.
+        """Make one transition.
 
         Raises
         ------
         RideError
             The node refused or did not answer in time.
         """
-        if self._asked is None or self._asked[0] != transition:
-            self.ask(transition)
-        if not self._answered(seconds):
+        if not self._call(transition, seconds):
             raise RideError(f"{self.name} refused to {_VERBS[transition]}")
+        self.state = NEXT[transition]
 
     def shut_down(self, seconds: float) -> None:
-        """End the node's process from whatever state it is in, after what it was asked for before.
+        """End the node's process from whatever state it is in."""
+        if self._call(SHUTDOWN[self.state], seconds):
+            self.state = "finalized"
 
-        Raises
-        ------
-        RideError
-            The node did not answer in time.
-        """
-        if self._asked is not None:
-            self._answered(seconds)
-        self.ask(SHUTDOWN[self.state])
-        self._answered(seconds)
-
-    def _answered(self, seconds: float) -> bool:
-        """Wait for the answer; tell whether the node did what it was asked for."""
-        assert self._asked is not None
-        transition, future = self._asked
+    def _call(self, transition: int, seconds: float) -> bool:
+        request = ChangeState.Request()
+        request.transition.id = transition
+        future: Any = self._client.call_async(request)
         deadline = time.monotonic() + seconds
-        try:
-            while not future.done():
-                if time.monotonic() > deadline:
-                    self._client.remove_pending_request(future)
-                    raise RideError(f"{self.name} did not answer within {seconds:g} s")
-                self.spin()
-        except RideError:
-            self._asked = None
-            raise
-        self._asked = None
-        if not future.result().success:
-            return False
-        self.state = NEXT.get(transition, "finalized")
-        return True
+        while not future.done():
+            if time.monotonic() > deadline:
+                self._client.remove_pending_request(future)
+                raise RideError(f"{self.name} did not answer within {seconds:g} s")
+            self.spin()
+        return bool(future.result().success)
 
 
 _VERBS = {CONFIGURE: "configure", ACTIVATE: "activate", DEACTIVATE: "deactivate", CLEANUP: "clean up"}

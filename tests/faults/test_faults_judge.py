@@ -76,6 +76,14 @@ def test_who_watches_may_be_held_up_or_lose_some_without_a_fault_of_the_drive() 
     assert outcome([*early, *later], 49 * TS, later[-1].at, TS) == (TRACKS, 0.0)
 
 
+def test_commands_that_were_late_while_nobody_saw_it_are_a_gap() -> None:
+    early = seen(*[TRACKING] * 50)
+    later = seen(*[TRACKING] * STEADY, begin=150)
+    assert outcome([*early, *(sight._replace(late=1) for sight in later)], 49 * TS, later[-1].at, TS) == (TRACKS, 0.0)
+    ended, after = outcome([*early, *(sight._replace(late=2) for sight in later)], 49 * TS, later[-1].at, TS)
+    assert ended == TRACKS and after is not None and math.isclose(after, 101 * TS)
+
+
 def test_a_rig_that_begins_anew_is_safe_from_then_on() -> None:
     """Its process was started again: the cycles begin with 0."""
     early = seen(*[TRACKING] * 50)

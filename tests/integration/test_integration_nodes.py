@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 from client import Client
 
+from phil_node.scheduling import ROLES, highest_priority
+
 pytestmark = pytest.mark.integration
 
 
@@ -196,3 +198,24 @@ def test_emergency_stop_retracts_and_nothing_rearms(bench):
     assert one.until(lambda: states[-1].mode in (RigState.MODE_RETRACTING, RigState.MODE_STOPPED))
     assert one.until(lambda: "test_rig_sim" in one.status and one.status["test_rig_sim"].level == b"\x02")
     assert "emergency stop" in one.status["test_rig_sim"].message
+
+
+@pytest.mark.skipif(highest_priority() < ROLES["rig"], reason="SCHED_FIFO is not granted here")
+def test_what_takes_turns_with_the_cycle_is_on_its_cpu_and_behind_it(bench):
+    """Cycle, publishing and the executor need one lock of Python's: elsewhere they would keep the cycle waiting."""
+    from ride.lifecycle import ACTIVATE, CONFIGURE
+
+    one = bench("test_rig_sim", "wait_for_subscribers:=1", "mode:=realtime", "duration:=0.0")
+    assert one.set(**{"real_time.scheduling": "fifo"}).successful
+    one.managed.go(CONFIGURE, 180.0)
+    one.managed.go(ACTIVATE, 30.0)
+    (process,) = one.processes
+    cpus = {}
+    for task in Path(f"/proc/{process.pid}/task").iterdir():
+        thread = int(task.name)
+        cpus.setdefault(os.sched_getparam(thread).sched_priority, set()).update(os.sched_getaffinity(thread))
+    allowed = os.sched_getaffinity(0)
+    last = {max(allowed)}
+    assert [cpus.get(ROLES[role]) for role in ("rig", "publish", "serve")] == [last] * 3
+    assert os.sched_getparam(process.pid).sched_priority == ROLES["serve"]  # the executor's thread
+    assert cpus[ROLES["transport"]] == (allowed - last or last)
