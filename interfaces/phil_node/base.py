@@ -19,6 +19,7 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from phil_node.answers import Answers
 from phil_node.bounded_log import BoundedLog
 from phil_node.changes import as_declared, fixed_while_active, merged
 from phil_node.cycle_thread import CycleTimer
@@ -92,6 +93,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self._clock_missed = False
         self._timer = self.create_timer(LOOK, self._reporter.look, clock=self.steady)
         self._reset_service = self.create_service(Trigger, "~/reset", self._serve_reset)
+        self.answers = Answers(self, self._nobody_heard)
 
     # What a node overrides -------------------------------------------------------------------------------------
 
@@ -391,6 +393,11 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             response.success, response.message = True, f"{self.get_name()} is back at its initial state"
         return response
 
+    def _nobody_heard(self, name: str) -> None:
+        self.log.warning(
+            f"nobody heard an answer of {name}: who asked is gone, or cannot hear this node (quality of service?)"
+        )
+
     def _prepare_parameters(self, changes: list[Parameter]) -> list[Parameter]:
         return as_declared(self.get_name(), self._model, changes)
 
@@ -442,7 +449,12 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             found.add(WARN, f"{topic} has a second publisher: end it")
         if self.wires.namesakes() > 1:
             found.add(WARN, f"another node on this ROS domain is called {self.full_name}, too: end one of them")
-        own = {"process": str(os.getpid()), **self.granted.figures, **self.wires.figures()}
+        own = {
+            "process": str(os.getpid()),
+            "answers that nobody heard": str(self.answers.given_up),
+            **self.granted.figures,
+            **self.wires.figures(),
+        }
         if self._misses_clock():
             own["clock"] = "the system's: use_sim_time is set, but nothing came on /clock"
         counts = {"late": timing.late, "missing": timing.missing, "stale": timing.stale, "refused": timing.refused}

@@ -67,6 +67,7 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
         return _refuse(PLACES.sub("", str(error).splitlines()[0]))
     node.has_process = True
     node.wires.use(TopicsProcess())
+    node.answers.take_over(node.services)
     executor = events_executor()
     executor.add_node(node)
     try:

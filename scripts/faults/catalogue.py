@@ -180,6 +180,13 @@ def _others() -> list[Fault]:
             partial(actions.beside, module="faults.viewer", words=("0", "reliable"), seconds=2.0, pause=5.0),
             within=9.0,
         ),
+        Fault(
+            "client-deaf",
+            "a client that asks all nodes 20 times a second and cannot hear their answers",
+            partial(actions.beside, module="faults.deaf", words=("20",), seconds=4.0),
+            within=8.0,
+            short=True,
+        ),
         *(
             Fault(
                 f"clock-{name}",
