@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from .bag_channel import CDR, BagError, Channel, DefinitionError, Record, Source, left_out
-from .bag_columns import Column, Columns, types_of
+from .bag_columns import Column, Columns, store_of, types_of
 from .bag_order import FileRide, Part, in_order, joined, rides_of_files
 from .bag_storage import file_batches, open_source
 
@@ -386,9 +386,7 @@ def _short(msgtype: str) -> str:
 def _typestore(channel: Channel) -> Typestore:
     if not channel.definition:  # a common type: the bag need not explain it
         return get_typestore(Stores.ROS2_JAZZY)
-    store = get_typestore(Stores.EMPTY)
-    store.register(types_of(channel))
-    return store
+    return store_of(channel)
 
 
 def _statuses(store: Typestore, log_time: int, payload: bytes, speakers: dict[str, set[str]]) -> list[Diagnostic]:

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import Typesdict
-from rosbags.typesys import TypesysError, get_types_from_idl, get_types_from_msg
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from .bag_channel import BagError, Channel, DefinitionError
 
@@ -53,6 +54,23 @@ def types_of(channel: Channel) -> Typesdict:
         said = [line.strip() for line in str(error).splitlines() if line.strip()]
         reason = " ".join(said[: 2 if said and said[0].endswith(":") else 1]) or type(error).__name__
         raise DefinitionError(f"message definition of {channel.msgtype} cannot be parsed: {reason}") from None
+
+
+def store_of(channel: Channel) -> Typestore:
+    """Give a type store that knows the channel's type, as the bag defines it, and no other.
+
+    Raises DefinitionError if the bag carries no definition of it, one that cannot be parsed, or one that has another
+    idea of what is built in (`builtin_interfaces/msg/Time`).
+    """
+    types = types_of(channel)
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(types)
+    except TypesysError as error:
+        raise DefinitionError(
+            f"message definition of {channel.msgtype} cannot be used: {str(error).rstrip('.')}"
+        ) from None
+    return store
 
 
 def _complete(types: Typesdict, typename: str, whole: str, above: tuple[str, ...] = ()) -> None:

@@ -12,10 +12,9 @@ from pathlib import Path
 from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import StoragePlugin, WriterError
 from rosbags.rosbag2.metadata import parse_qos
-from rosbags.typesys import Stores, get_typestore
 
 from energy_monitor.bag_channel import CDR, BagError, Channel, Source
-from energy_monitor.bag_columns import types_of
+from energy_monitor.bag_columns import store_of
 from energy_monitor.bag_folder import base_name
 from energy_monitor.bag_storage import file_batches, open_source
 from energy_monitor.definitions import SEPARATOR, UNKNOWN_DIGEST
@@ -104,9 +103,7 @@ def _connect(source: Source, writer: SteadyWriter, channel: Channel) -> Connecti
 def _definition(source: Source, channel: Channel) -> tuple[str, str]:
     """Give definition and hash; none where there is one that would make readers refuse the whole bag."""
     try:
-        store = get_typestore(Stores.EMPTY)
-        store.register(types_of(channel))
-        digest = store.hash_rihs01(channel.msgtype)
+        digest = store_of(channel).hash_rihs01(channel.msgtype)
     except BagError as error:
         source.note(f"{channel.topic} is in the new bag without its definition: {error}.")
         return "", UNKNOWN_DIGEST

@@ -29,6 +29,8 @@ FIELDS = dict.fromkeys((*EVERY_CYCLE, *DECIMATED), ("cycle",)) | {
 }
 REPEATED = 0.2
 """s after which a node in lockstep says again what nobody answers."""
+BLOCK = 250
+"""Cycles over which the earliest messages are looked for: some dozen batches."""
 SOON = 64
 """Cycles after that of a message that came again within which the rig counted it, or its answer, as late."""
 
@@ -127,17 +129,44 @@ def _unanswered(rig: Table, table: Table, again: NDArray[np.int64], later: NDArr
 
 
 def _behind(rig: Table, table: Table) -> Trend | None:
-    """Tell how much later than the rig's state of its cycle each message was logged, s."""
-    if table is rig or not len(table):
+    """Tell how much later than the rig's states the messages of the same cycles were sent, s, block by block."""
+    if table is rig or not len(table) or not len(rig):
         return None
-    known, first = np.unique(rig["cycle"].astype(np.int64), return_index=True)
-    cycle = table["cycle"].astype(np.int64)
-    at = np.minimum(np.searchsorted(known, cycle), len(known) - 1)
-    good = known[at] == cycle
-    logged: NDArray[np.int64] = table.log_time[good]
-    later = (logged - rig.log_time[first[at[good]]]) * 1e-9
-    since: Floats = (logged - rig.log_time[0]) * 1e-9
-    return trend(since, later)
+    known, at = _sent(rig)
+    period = float((at[-1] - at[0]) / max(1, known[-1] - known[0]))
+    reference, other = _earliest(known, at, period), _earliest(*_sent(table), period)
+    blocks = sorted(reference.keys() & other.keys())
+    since: Floats = np.array([block * BLOCK * period for block in blocks]) * 1e-9
+    return trend(since, np.array([other[block] - reference[block] for block in blocks]) * 1e-9)
+
+
+def _sent(table: Table) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Give cycles (rising) and times in ns of the messages that were the last of what was handed over at once.
+
+    Nodes hand over batches, and what waited in one is logged with its last message.
+    """
+    known, first = np.unique(table["cycle"].astype(np.int64), return_index=True)
+    logged: NDArray[np.int64] = table.log_time[first]
+    step = np.diff(logged)
+    at_once = 0.5 * (logged[-1] - logged[0]) / max(1, known[-1] - known[0])
+    last = np.append(step >= at_once, True)
+    return known[last], logged[last]
+
+
+def _earliest(cycle: NDArray[np.int64], time: NDArray[np.int64], period: float) -> dict[int, float]:
+    """Give for each block of cycles how much later than its cycle the earliest tenth came, ns.
+
+    The last message of a batch waits for up to a cycle too, until the batch goes; the earliest have not waited.
+    """
+    later = time - period * cycle
+    return {
+        int(block): float(np.percentile(part, 10.0))
+        for block, part in zip(
+            np.unique(cycle // BLOCK),
+            np.split(later, np.flatnonzero(np.diff(cycle // BLOCK)) + 1),
+            strict=True,
+        )
+    }
 
 
 def judge_records(found: Records, cycle_time: float, lockstep: bool) -> list[Verdict]:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -154,6 +155,18 @@ def test_a_node_that_falls_behind_is_found(tmp_path):
         one for one in judge_records(records_of(bag(tmp_path, command=drifting), 6_000), TS, False) if not one.ok
     ]
     assert "drift" in found.name and found.found == pytest.approx(10.0 / 3.0, abs=0.01)  # ms
+
+
+@given(st.integers(1, 9), st.integers(0, 8), st.sampled_from([0.0, 0.01]))
+def test_where_batches_begin_is_no_drift_and_hides_none(many, shift, drift):
+    """Batches of ``many`` messages that begin elsewhere from the middle of the ride on."""
+    cycles = np.arange(6_000)
+    begin = np.where(cycles < 3_000, 0, shift)
+    sent = cycles + (begin - 1 - cycles) % many  # the cycle with which its batch is handed over
+    late = (sent - cycles) * LONG + 1e-6 * (cycles - sent) + drift * cycles / len(cycles)
+    command = table("/impedance_mpc/command", "ImpedanceCommand", cycles, late)
+    found = records_of(bag(Path("/nowhere"), command=command), 6_000).behind["/impedance_mpc/command"]
+    assert found.last - found.first == pytest.approx(drift / 3.0, abs=5e-4)  # s, of a block's length
 
 
 def test_an_empty_bag_fails(tmp_path):
