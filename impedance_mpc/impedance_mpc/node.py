@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import phil_node.before_rclpy  # noqa: F401  # isort: skip
 
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from rclpy.parameter import Parameter
 from rclpy.wait_for_message import wait_for_message
 from std_srvs.srv import SetBool
 
+from impedance_mpc.asking import Asking
 from impedance_mpc.controller import FALLBACK, Command, EnvironmentReading, RigReading
 from impedance_mpc.pairing import LONGEST, Arrival, CyclePairs
 from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
@@ -52,6 +54,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.unusable = 0
         self.fallbacks_reported = 0
         self._asked = 0
+        self._asking = Asking(0.0)
 
     def build(self) -> None:
         """Wait for the impedance model, design the controllers, compile their kernels, open the topics."""
@@ -65,6 +68,10 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.quantities = Plan(ConservedQuantities, "rig").writer().message
         self.commands = self.send_cycles(ImpedanceCommand, "impedance_mpc/command", CYCLE_KEPT, peers=2)
         self.books = self.publish_on(ConservedQuantities, "impedance_mpc/conserved_quantities", CYCLE)
+        self._asking = Asking(self.parameters.cycle_time)
+        # In lockstep the rig waits, and asks again itself.
+        self._hurried = self.parameters.mode == "realtime"
+        self._again = self.cycle_timer(self.parameters.cycle_time, self._send_again)
         self.time_cycles(self.parameters.cycle_time)
         self.timing.inputs = {
             "test_rig_sim/state": self.pairs.of_rig,
@@ -179,9 +186,8 @@ class ImpedanceNode(PhilNode[Parameters]):
             self._object("rig", state.cycle, arrival)
         if arrival is Arrival.NEW:
             self._answer_all()
-            if self.pairs.held_up:
-                # The rig ticks on without us: the catenary, or its answer, did not come. Ask again.
-                self.commands.publish(self.answer)
+            if self._hurried:
+                self._send_again()
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
         elif arrival is Arrival.REPEATED and self.answer.cycle == state.cycle:
@@ -212,6 +218,16 @@ class ImpedanceNode(PhilNode[Parameters]):
             self._answer_all()
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
+
+    def _send_again(self) -> None:
+        """Send the last command again, now or when it is time, if the rig has gone on and the wire's state lacks."""
+        if not self.pairs.waits_for_catenary:
+            return
+        now = monotonic()
+        if now >= self._asking.due:
+            self.commands.publish(self.answer)
+            self._asking.again(now)
+        self._again.once(self._asking.due)
 
     def _ask_again(self, cycle: int) -> None:
         """Ask the catenary for a state that could not be used, once, if it is the one that is waited for."""
@@ -282,6 +298,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         answer.iterations = 0 if result.status == FALLBACK else min(result.iterations, 65535)
         answer.fallbacks = result.fallbacks
         self.commands.publish(self.answer)
+        self._asking.sent(monotonic())
 
     def _send_books(self, rig: RigState, cycle: int) -> None:
         message, books = self.quantities, self.switch.books

@@ -111,7 +111,6 @@ class CyclePairs(Generic[R, C]):
     def __init__(self) -> None:
         self.next = 0
         self.missing = 0
-        self._waited = 0  # states of the rig since one could be answered
         self._rig: Stream[R] = Stream()
         self._catenary: Stream[C] = Stream()
         self.of_rig, self.of_catenary = self._rig.counts, self._catenary.counts
@@ -122,9 +121,9 @@ class CyclePairs(Generic[R, C]):
         return self._rig.swapped + self._catenary.swapped
 
     @property
-    def held_up(self) -> bool:
-        """Tell whether to ask again: the rig has gone on by 2, 4, 8, ... states since anything could be answered."""
-        return self._waited > 1 and not self._waited & (self._waited - 1)
+    def waits_for_catenary(self) -> bool:
+        """Tell whether a state of the rig waits for the one of the catenary that answers the last command."""
+        return self.next > 0 and self.lacks == "catenary"
 
     @property
     def refused(self) -> int:
@@ -143,15 +142,13 @@ class CyclePairs(Generic[R, C]):
 
     def clear(self) -> None:
         """Wait for cycle 0 again."""
-        self.next = self.missing = self._waited = 0
+        self.next = self.missing = 0
         self._rig.clear()
         self._catenary.clear()
 
     def add_rig(self, cycle: int, state: R) -> Arrival:
         """Take the rig's state of ``cycle``; REPEATED is the one that was answered last (its command got lost)."""
-        arrival = self._rig.add(cycle, state, self.next)
-        self._waited += arrival is Arrival.NEW
-        return arrival
+        return self._rig.add(cycle, state, self.next)
 
     def add_catenary(self, cycle: int, state: C) -> Arrival:
         """Take the catenary's state of ``cycle``; a repetition of the last or of a waiting one changes nothing."""
@@ -171,7 +168,6 @@ class CyclePairs(Generic[R, C]):
             # Without a partner the catenary has gone on behind this cycle, which is lost.
             self.missing += cycle - self.next + (partner is None)
             self.next = cycle + 1
-            self._waited = 0
             if partner is not None:
                 catenary = wires[partner]
                 self._catenary.drop_until(cycle)

@@ -21,20 +21,33 @@ class CycleTimer:
 
     def __init__(self, thread: CycleThread, period: float, callback: Callable[[], None]) -> None:
         self._thread, self._period, self.callback = thread, period, callback
+        self._next = float("inf")
         self.due = float("inf")
+        """When it calls next, monotonic clock in s."""
 
     def reset(self) -> None:
         """Start: the first call is one period from now."""
-        self.due = monotonic() + self._period
+        self.due = self._next = monotonic() + self._period
         self._thread.wake()
 
     def cancel(self) -> None:
         """Stop."""
-        self.due = float("inf")
+        self.due = self._next = float("inf")
+
+    def also(self, when: float) -> None:
+        """Call at that time (monotonic clock, s), too, if it is before the next call; from a callback of the thread."""
+        if when < self._next < float("inf"):
+            self.due = when
+
+    def once(self, when: float) -> None:
+        """Call at that time (monotonic clock in s), and then stand still; from a callback of the thread."""
+        self.due, self._next = when, float("inf")
 
     def advance(self, now: float) -> None:
         """Set the next call, on the grid of the first one; those that were missed are left out."""
-        self.due += self._period * (1 + (now - self.due) // self._period)
+        if now >= self._next:
+            self._next += self._period * (1 + (now - self._next) // self._period)
+        self.due = self._next
 
 
 class CycleThread:

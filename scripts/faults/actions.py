@@ -70,12 +70,12 @@ def topics(stand: Stand, name: str, number: int, pause: float = 0.0) -> list[str
     return [f"{name}: started again"]
 
 
-def damage(stand: Stand, link: str, kind: str, share: float, seconds: float, delay: float = 0.0) -> list[str]:
-    """Let the relay spoil messages of a link for a while."""
-    stand.order(link, kind, share, delay)
+def damage(stand: Stand, kind: str, share: float, seconds: float, delay: float = 0.0) -> list[str]:
+    """Let the relay spoil messages of its link for a while."""
+    stand.order(kind, share, delay)
     stand.begin()
     stand.wait(seconds)
-    count = stand.order(link, "none", 0.0)
+    count = stand.order("none", 0.0)
     if count == 0:
         raise Wrong("the relay found no message to do it to")
     return [f"{count} messages"]

@@ -10,7 +10,7 @@ from functools import partial
 from faults import actions
 from faults.judge import RETRACTS, SILENT, TRACKS
 from faults.relay import LINKS
-from faults.stand import RECORDER, Stand
+from faults.stand import RECORDER, RELAYED, Stand
 from ride.settings import NODES
 
 Say = tuple[str, str]
@@ -105,10 +105,10 @@ def _topics() -> list[Fault]:
 def _messages() -> list[Fault]:
     found = []
     for link, where in LINKS.items():
-        what = f"{where.topic} to {where.listener}"
+        what, stand = f"{where.topic} to {where.listener}", f"{RELAYED}{link}"
         for kind, words in (("lost", "lost"), ("delayed", "10 ms late")):
             for share in (0.01, 0.1):
-                action = partial(actions.damage, link=link, kind=kind, share=share, seconds=2.0, delay=0.01)
+                action = partial(actions.damage, kind=kind, share=share, seconds=2.0, delay=0.01)
                 found.append(
                     Fault(
                         f"{kind}-{share * 100:g}-{link}",
@@ -116,7 +116,7 @@ def _messages() -> list[Fault]:
                         action,
                         (TRACKS,),
                         5.0,
-                        stand="relayed",
+                        stand=stand,
                     )
                 )
         for kind, words in (
@@ -125,18 +125,18 @@ def _messages() -> list[Fault]:
             ("old_stamp", "stamped an hour ago"),
             ("future_stamp", "stamped an hour ahead"),
         ):
-            action = partial(actions.damage, link=link, kind=kind, share=0.1, seconds=1.0)
-            found.append(Fault(f"{kind}-{link}", f"a tenth of {what} {words}", action, stand="relayed"))
+            action = partial(actions.damage, kind=kind, share=0.1, seconds=1.0)
+            found.append(Fault(f"{kind}-{link}", f"a tenth of {what} {words}", action, stand=stand))
         kinds = [("nan", "not a number"), ("infinity", "infinite"), ("absurd", "1e15")]
         if link == "catenary-controller":
             kinds.append(("sizes", "with arrays of the wrong size"))
         for kind, words in kinds:
             says = ((where.listener, "refused"),)
-            action = partial(actions.damage, link=link, kind=kind, share=0.1, seconds=1.0)
-            found.append(Fault(f"{kind}-{link}", f"a tenth of {what} {words}", action, says=says, stand="relayed"))
-            action = partial(actions.damage, link=link, kind=kind, share=1.0, seconds=1.0)
+            action = partial(actions.damage, kind=kind, share=0.1, seconds=1.0)
+            found.append(Fault(f"{kind}-{link}", f"a tenth of {what} {words}", action, says=says, stand=stand))
+            action = partial(actions.damage, kind=kind, share=1.0, seconds=1.0)
             found.append(
-                Fault(f"{kind}-all-{link}", f"all of {what} {words}", action, (RETRACTS,), says=says, stand="relayed")
+                Fault(f"{kind}-all-{link}", f"all of {what} {words}", action, (RETRACTS,), says=says, stand=stand)
             )
     return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,10 +32,14 @@ class Damage:
 
 
 class Spoiler:
-    """Decides message by message: `pass_on` gives what goes on now and what goes on later (delay in s, message)."""
+    """Decides message by message: `pass_on` gives what goes on now and what goes on later (delay in s, message).
 
-    def __init__(self, seed: int = 1) -> None:
+    ``change`` gives the message as a kind of damage leaves it; only what is changed is looked into.
+    """
+
+    def __init__(self, seed: int = 1, change: Callable[[Any, str], Any] | None = None) -> None:
         self._random = random.Random(seed)
+        self._change = change or spoil
         self._held: Any = None
         self.damage = Damage()
         self.done = 0
@@ -61,12 +66,11 @@ class Spoiler:
         if kind == "swapped":
             self._held = message
             return [], None
-        spoil(message, kind)
-        return [message], None
+        return [self._change(message, kind)], None
 
 
-def spoil(message: Any, kind: str) -> None:
-    """Change a message in place.
+def spoil(message: Any, kind: str) -> Any:
+    """Change a message in place, and give it.
 
     Raises
     ------
@@ -85,3 +89,4 @@ def spoil(message: Any, kind: str) -> None:
         message.header.stamp.sec += HOUR if kind == "future_stamp" else -HOUR
     else:
         raise ValueError(f"'{kind}' cannot be done to a {name}")
+    return message

@@ -19,7 +19,7 @@ from faults.observer import Observer
 from faults.relay import DONE, LATCHED_ORDERS, LINKS, ORDERS
 from faults.wall_clock import WallClock
 from phil_node.executor import events_executor
-from phil_node.scheduling import go_first
+from phil_node.scheduling import highest_priority, priority_of, schedule, threads_of
 from ride.lifecycle import DEACTIVATE, RideError
 from ride.processes import Process, end_all
 from ride.rearm import change, configure, rearm, state_of
@@ -33,9 +33,11 @@ INNER_RATE = 5000.0
 """Hz of the rig's inner loop, whatever the rate of the cycles."""
 
 
+RELAYED = "relayed-"
+"""Before the name of a link: the kind of the stand on which the relay is in that link."""
 KINDS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "plain": {},
-    "relayed": {},
+    **{f"{RELAYED}{link}": {} for link in LINKS},
     "clock": {},
     "full": {},
     "solver": {"impedance_mpc": {"qp_max_iterations": 1}},
@@ -62,12 +64,14 @@ class Stand:
     """The four nodes, a recorder for each ride, and an observer; ``kind`` is one of `KINDS`.
 
     On "full" no ride was before: what the nodes keep for late listeners would fill a small disk at once.
-    With "relayed" every message of the loop goes through a relay, with "clock" all have a wall clock that can be set.
+    With "relayed-LINK" the messages of that link go through a relay, with "clock" all have a wall clock that can be
+    set.
     """
 
     def __init__(self, folder: Path, rate: float, kind: str) -> None:
         """Make ready; `mend` starts the nodes."""
         self.kind = kind
+        self._link = LINKS.get(kind.removeprefix(RELAYED))
         self.settings = settings_for(rate, kind)
         self.period = 1.0 / rate
         self.folder = folder
@@ -92,12 +96,11 @@ class Stand:
     def start(self, name: str) -> None:
         """Start the process of a node (or the relay)."""
         if name == "relay":
-            self.processes[name] = self._process(name, "faults.relay", [])
+            self.processes[name] = self._process(name, "faults.relay", [self.kind.removeprefix(RELAYED)])
             return
         words = ["--ros-args", "--params-file", str(self.folder / "params.yaml")]
-        if self.kind == "relayed":
-            for link in LINKS.values():
-                words += ["-r", link.remapping] if link.listener == name else []
+        if self._link is not None and self._link.listener == name:
+            words += ["-r", self._link.remapping]
         self.processes[name] = self._process(name, f"{name}.node", words)
 
     def _process(self, name: str, module: str, words: list[str]) -> Process:
@@ -127,7 +130,7 @@ class Stand:
 
     def mend(self) -> list[str]:
         """Start those nodes that are not running, and configure those that are not; name what was started."""
-        wanted = [*(["relay"] if self.kind == "relayed" else []), *NODES]
+        wanted = [*(["relay"] if self._link is not None else []), *NODES]
         fresh = [name for name in wanted if name not in self.processes or self.processes[name].ended]
         for name in fresh:
             self.start(name)
@@ -146,9 +149,18 @@ class Stand:
         self.rest()
         self.observer.clear()
         rearm(self._node, self.spin)
-        if go_first([p.pid for p in self.processes.values() if not p.ended]):
+        if highest_priority():
+            # The nodes have theirs from their activation, as in any ride.
+            self._place(RECORDER, "listen")
+            self._place("relay", "transport")
             _see_first()
         self.until(self._follows, FOLLOW_SECONDS, "the drive did not follow")
+
+    def _place(self, name: str, role: str) -> None:
+        """Give a process beside the nodes its place among them."""
+        process = self.processes.get(name)
+        if process is not None and not process.ended:
+            schedule(threads_of(process.pid), priority_of(role))
 
     def _follows(self) -> bool:
         newest = self.observer.newest
@@ -220,10 +232,10 @@ class Stand:
         """Send a signal to a process."""
         self.processes[name].ask_to_end(number)
 
-    def order(self, link: str, kind: str, share: float = 1.0, delay: float = 0.0) -> int:
-        """Tell the relay what to do to a link; give how many messages the order before was done to."""
+    def order(self, kind: str, share: float = 1.0, delay: float = 0.0) -> int:
+        """Tell the relay what to do to its link; give how many messages the order before was done to."""
         self._done.clear()
-        self._orders.publish(String(data=json.dumps({"link": link, "kind": kind, "share": share, "delay": delay})))
+        self._orders.publish(String(data=json.dumps({"kind": kind, "share": share, "delay": delay})))
         self.until(lambda: bool(self._done), 5.0, "the relay does not answer")
         return int(self._done[0]["done"])
 

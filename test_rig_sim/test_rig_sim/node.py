@@ -26,7 +26,7 @@ REPEAT_AFTER = 0.25  # s without an answer after which the last state is publish
 LISTENERS_STABLE = 0.5  # s for which the listeners have to be there before cycle 0
 LISTENERS_UNMATCHED = 5.0  # s for which one that cannot be matched is waited for
 MEMORY = 64  # cycles back for which the time of publication is kept
-PATIENCE = 0.9  # share of a cycle that a command has at least, from the publication of its state
+PATIENCE = 0.9  # share of a cycle that each one takes at least, so that its command has time to come
 
 # What the cycle stands at.
 WAITING, ASKING, TICKING, ENDED = "waiting for listeners", "waiting for a command", "ticking", "ended"
@@ -118,7 +118,7 @@ class RigNode(PhilNode[Parameters]):
         self._newest, self._first = -1, 0.0  # newest cycle that was commanded, and to where, in m
         self._published_at = [0.0] * MEMORY
         self._stamped = 0  # ns, wall time of the newest state in real time
-        self._asked_at = 0.0
+        self._asked_at = self._began_at = 0.0
         self._listeners = (0, 0)  # matched, known to the graph
         self._listeners_since = self._waits_since = time.monotonic()
 
@@ -171,6 +171,7 @@ class RigNode(PhilNode[Parameters]):
     def _advance(self) -> None:
         """Move from t_k to t_(k+1) with command k, or without one if it has not come, and publish state k + 1."""
         supervisor = self._supervisor
+        self._began_at = time.monotonic()
         if self._command is not None:
             ramp: Ramp = supervisor.follow(*self._command, self._old_plan)
         else:
@@ -257,14 +258,15 @@ class RigNode(PhilNode[Parameters]):
         if wall:
             wall += round((now - self._published_at[self._cycle % MEMORY]) * 1e9)
         self._pacing.start(self._cycle, now, wall or self.wall_clock())
+        self._began_at = now
         self._phase = TICKING
         self._tick.reset()
 
     def _on_tick(self) -> None:
         """End the interval that is due, with its command or, if it had its time to come, without.
 
-        After a late tick of its own the node owes the command the rest of its time: the cycle then ends with the
-        command (`_take_command`) or with the next tick, and the rig is back in step with the clock.
+        After a late tick of its own the node owes the command its time: the cycle then ends with the command
+        (`_take_command`) or after `PATIENCE`, and the rig comes back into step with the clock cycle by cycle.
         """
         if not self.active or self._phase != TICKING:
             return
@@ -272,9 +274,10 @@ class RigNode(PhilNode[Parameters]):
         # The node was held up for long: what is beyond `catch_up` is given up.
         self._pacing.give_up(self._pacing.due(self._cycle, now) - self.parameters.catch_up)
         while self._phase == TICKING and self._pacing.due(self._cycle, now) > 0:
-            waited = now - self._published_at[self._cycle % MEMORY]
-            if not self._answered and self._supervisor.needs_commands and waited < PATIENCE * self._period:
+            owed = self._began_at + PATIENCE * self._period
+            if not self._answered and self._supervisor.needs_commands and now < owed:
                 self._late_ticks += 1
+                self._tick.also(owed)
                 break
             self._advance()
 

@@ -77,9 +77,12 @@ def test_every_fault_has_a_name_of_its_own_and_damages_what_there_is() -> None:
     from faults.catalogue import FAULTS
     from faults.damage import KINDS
     from faults.relay import LINKS
+    from faults.stand import KINDS as KINDS_OF_STANDS
+    from faults.stand import RELAYED
 
     assert len({fault.name for fault in FAULTS}) == len(FAULTS)
     assert sum(fault.short for fault in FAULTS) >= 4
     damages = [fault.action for fault in FAULTS if getattr(fault.action, "func", None) is actions.damage]
     assert {action.keywords["kind"] for action in damages} == set(KINDS) - {"none"}
-    assert {action.keywords["link"] for action in damages} == set(LINKS)
+    stands = {fault.stand for fault in FAULTS if getattr(fault.action, "func", None) is actions.damage}
+    assert stands == {f"{RELAYED}{link}" for link in LINKS} <= set(KINDS_OF_STANDS)

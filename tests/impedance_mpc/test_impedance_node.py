@@ -20,8 +20,10 @@ from phil_interfaces.msg import (  # noqa: E402
     RigState,
 )
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
+from impedance_mpc.asking import EAGER  # noqa: E402
 from impedance_mpc.node import ImpedanceNode  # noqa: E402
 from phil_node.qos import CYCLE, LATCHED  # noqa: E402
 
@@ -141,6 +143,31 @@ def test_a_wires_state_that_cannot_be_used_is_asked_for_again_at_once_and_once(b
     bench.spin(seconds=0.1)
     assert [c.cycle for c in bench.commands] == [0, 0]
     assert bench.commands[0] == bench.commands[1]
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_a_command_is_sent_again_once_the_rig_goes_on_without_it(bench, mode):
+    """In real time alone: in lockstep the rig waits, and a machine that is slow is no reason to say anything twice."""
+    bench.node.set_parameters([Parameter("mode", value=mode)])
+    bench.go()
+    bench.rig.publish(rig_state(0))
+    bench.catenary.publish(catenary_state(0))
+    bench.spin(lambda: len(bench.commands) == 1, 5.0)
+    bench.spin(seconds=0.1)
+    assert len(bench.commands) == 1  # the rig's next state is to come first
+    bench.rig.publish(rig_state(1))
+    bench.spin(seconds=0.5)
+    again = bench.commands[1:]
+    assert all(command == bench.commands[0] for command in again)
+    if mode == "lockstep":
+        assert not again
+    else:
+        assert EAGER < len(again) < EAGER + 10  # 8 at once, then after 3, 6, 12, ... 250 ms
+    bench.catenary.publish(catenary_state(1))
+    bench.spin(lambda: bench.commands[-1].cycle == 1, 5.0)
+    number = len(bench.commands)
+    bench.spin(seconds=0.1)
+    assert len(bench.commands) == number
 
 
 def test_bad_numbers_are_refused_and_a_gap_is_bridged(bench):

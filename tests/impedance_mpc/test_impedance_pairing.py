@@ -134,21 +134,25 @@ def test_two_states_that_were_swapped_are_both_taken_and_counted(side, at):
     ]
 
 
-def test_the_catenary_is_asked_again_for_a_state_that_does_not_come():
-    pairs, asked = CyclePairs(), []
+def test_a_rig_that_has_gone_on_waits_for_the_catenary():
+    pairs = CyclePairs()
+    pairs.add_rig(0, "r")
+    assert not pairs.waits_for_catenary  # before cycle 0 nothing was sent that could be sent again
     pairs.add_catenary(0, "c")
-    for k in range(40):
-        pairs.add_rig(k, "r")
-        drain(pairs)
-        asked += [k] if pairs.held_up else []
-    # Cycle 0 had its partner; 1 waits when 2 comes.
-    assert asked == [2, 4, 8, 16, 32]
+    assert drain(pairs) == [(0, "r", "c")]
+    assert not pairs.waits_for_catenary
+    pairs.add_rig(1, "r")
+    assert pairs.waits_for_catenary
+    pairs.add_rig(2, "r")
     pairs.add_catenary(1, "c")
     assert drain(pairs) == [(1, "r", "c")]
-    pairs.add_rig(40, "r")
-    assert not pairs.held_up
-    pairs.add_rig(41, "r")
-    assert pairs.held_up  # the next one does not come either, whatever waits behind it
+    assert pairs.waits_for_catenary  # for the next one
+    pairs.add_catenary(2, "c")
+    pairs.add_catenary(3, "c")
+    drain(pairs)
+    assert not pairs.waits_for_catenary  # now the rig's is to come
+    pairs.clear()
+    assert not pairs.waits_for_catenary
 
 
 def test_silent_partner_does_not_fill_the_memory():
@@ -190,7 +194,7 @@ def test_the_node_counts_strays_and_warns_of_them():
     result = SimpleNamespace(correction=0, f_cor=0.0, iterations=1, fallbacks=0)
     empty = [np.zeros(0)] * 4
     switch = SimpleNamespace(books=books, result=result, active=0)
-    node = Node(switch=switch, pairs=CyclePairs(), timing=Timing(), segment=empty)
+    node = Node(switch=switch, pairs=CyclePairs(), timing=Timing(), segment=empty, _hurried=False)
     node.unusable = node.fallbacks_reported = 0
     assert node.diagnose().level == DiagnosticStatus.OK
     node._take_rig(RigState(cycle=10**9))

@@ -180,6 +180,8 @@ def ticking(ride: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     rig._publish()
     rig._start_ticking()
     rig._tick.cancel()
+    also: list[float] = []
+    monkeypatch.setattr(rig._tick, "also", also.append)
 
     def at(cycles: float) -> None:
         clock.now = cycles * PERIOD
@@ -189,7 +191,7 @@ def ticking(ride: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
         clock.now = at * PERIOD
         rig._take_command(ImpedanceCommand(cycle=cycle, u_tr=u, u_tr_next=u))
 
-    yield SimpleNamespace(rig=rig, at=at, command=command)
+    yield SimpleNamespace(rig=rig, at=at, command=command, also=also)
 
 
 def test_a_command_of_a_cycle_that_was_not_published_is_refused(ticking: Any) -> None:
@@ -220,9 +222,28 @@ def test_a_command_has_its_time_even_after_a_late_tick(ticking: Any) -> None:
     assert rig._cycle == 3 and rig.timing.late == 0
     ticking.at(4.0)  # 0.6 cycles: not yet
     assert rig._cycle == 3 and rig._late_ticks == 2
-    ticking.at(5.29)  # 1.89 cycles since 3.4: nothing came
+    # Not at the next tick, but as soon as each had its 0.9 cycles.
+    assert ticking.also == pytest.approx([(2.8 + 0.9) * PERIOD, (3.4 + 0.9) * PERIOD])
+    ticking.at(4.31)  # nothing came
     assert rig._cycle == 4 and rig.timing.late == 1
     assert rig._shown_mode is Mode.BRIDGING
+
+
+def test_a_rig_that_is_behind_its_clock_comes_back_to_it_though_no_command_is_in_time(ticking: Any) -> None:
+    """It went at half its pace as long as each cycle began more than a tenth of it late, and nothing was answered."""
+    rig = ticking.rig
+    ticking.command(0, 0.5)
+    ticking.at(1.4)
+    assert rig._cycle == 1
+    began, tick = [1.4], 2.0
+    while rig._cycle < 8:
+        due = (ticking.also[-1] / PERIOD) if ticking.also and ticking.also[-1] / PERIOD > began[-1] else tick
+        now, tick = min(due, tick), tick + (tick <= due)
+        before = rig._cycle
+        ticking.at(now + 1e-6)
+        began += [now] * (rig._cycle - before)
+    assert began == pytest.approx([1.4, 2.3, 3.2, 4.1, 5.0, 6.0, 7.0, 8.0], abs=1e-4)
+    assert rig._pacing.skipped == 0 and rig.timing.late == 7
 
 
 def test_a_hold_up_is_made_up_to_a_limit_and_the_rest_given_up(ticking: Any) -> None:
