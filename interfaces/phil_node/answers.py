@@ -69,6 +69,7 @@ class Answers:
             self._keep(Waiting(name, send, now + FIRST, FIRST, now + LIMIT))
 
     def _again(self) -> None:
+        """Send what is due; in vain once at most: each time costs the interpreter's lock for the wait, and many are due."""
         now = monotonic()
         for _ in range(len(self._waiting)):
             one = self._waiting.popleft()
@@ -80,6 +81,7 @@ class Answers:
                 else:
                     pause = min(2.0 * one.pause, LAST)
                     self._waiting.append(one._replace(due=now + pause, pause=pause))
+                break
         if not self._waiting:
             self._timer.cancel()
 
