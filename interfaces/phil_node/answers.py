@@ -69,7 +69,7 @@ class Answers:
             self._keep(Waiting(name, send, now + FIRST, FIRST, now + LIMIT))
 
     def _again(self) -> None:
-        """Send what is due; in vain once at most: each time costs the interpreter's lock for the wait, and many are due."""
+        """Send what is due; in vain once at most: each wait has the interpreter's lock, and many may be due."""
         now = monotonic()
         for _ in range(len(self._waiting)):
             one = self._waiting.popleft()

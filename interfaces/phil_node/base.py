@@ -245,6 +245,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
                 self._tear_down()
                 self._build()
             self.timing.clear()
+            self.log.prepare()
             gc.collect()
             gc.freeze()
             gc.disable()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
@@ -209,3 +211,26 @@ def test_the_transition_that_is_overridden_is_the_one_of_rclpy(bench: Callable[.
     node = bench().node
     assert node.trigger_activate() == TransitionCallbackReturn.FAILURE  # not configured: rclpy alone would raise
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+
+
+def test_the_first_line_of_a_ride_does_not_look_through_all_modules(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who logs is looked up by `inspect`, whose first look takes as long as 50 cycles: it is done before the ride."""
+    looked: list[str] = []
+
+    def resolve(path: str, *rest: Any, **more: Any) -> str:
+        looked.append(path)
+        return plain(path, *rest, **more)
+
+    bench = Bench("--log-level", "warn")
+    try:
+        for known in (inspect.modulesbyfile, inspect._filesbymodname):  # type: ignore[attr-defined]
+            known.clear()
+        bench.node.trigger_configure()
+        bench.node.trigger_activate()
+        plain = os.path.realpath
+        monkeypatch.setattr(os.path, "realpath", resolve)
+        bench.node.log.warning("something is odd")
+        monkeypatch.undo()
+        assert 0 < len(looked) < 50, f"{len(looked)} of {len(sys.modules)} modules"
+    finally:
+        bench.close()
