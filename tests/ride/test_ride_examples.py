@@ -27,7 +27,7 @@ from test_rig_sim.pantographs.linear_file import read_pantograph
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = [
-    *(ROOT / name for name in ("README.md", "examples/README.md")),
+    *(ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "examples/README.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 SCRIPTS = sorted((ROOT / "scripts").glob("*.sh"))
