@@ -1,12 +1,14 @@
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import setup
 
 package = "impedance_mpc"
+version = ElementTree.parse(Path(__file__).with_name("package.xml")).findtext("version")
 
 setup(
     name=package,
-    version="0.1.0",
+    version=version,
     packages=[package],
     package_data={package: ["py.typed"]},
     data_files=[

@@ -26,7 +26,10 @@ from ride.settings import NODES, resolve
 from test_rig_sim.pantographs.linear_file import read_pantograph
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "examples" / "README.md"]
+DOCUMENTS = [
+    *(ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "examples/README.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
 SCRIPTS = sorted((ROOT / "scripts").glob("*.sh"))
 SOURCES = [path for package in NODES for path in (ROOT / package / package).rglob("*.py")]
 PARAMETERS = {
