@@ -16,7 +16,7 @@ Matrix = NDArray[np.float64]
 
 @njit(cache=True, fastmath=False)
 def shape_functions(xi: float, h: float, out: Matrix) -> None:
-    """Write the four Hermite shape functions at xi in [0, 1] of an element of length h (m) into out, shape (4,)."""
+    """Write the four Hermite shape functions (3.12) at xi in [0, 1] of an element of length h (m) into out, (4,)."""
     xi2 = xi * xi
     xi3 = xi2 * xi
     out[0] = 1.0 - 3.0 * xi2 + 2.0 * xi3

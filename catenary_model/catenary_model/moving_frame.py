@@ -3,9 +3,9 @@
     rhoA w_tt + beta w_t = -EI w_xxxx + (T - rhoA v^2) w_xx + beta v w_x + 2 v rhoA w_tx + f             (3.6)
 
 A station is a node of the mesh; it carries (w_ca, phi_ca, w_co, phi_co), so degree of freedom 4 s + 2 wire + r.
-Interleaved like this everything, droppers included, lies within seven diagonals on either side of the main one.
-The wires alone couple only with themselves, so their matrices are kept in a compact form: six numbers a row,
-the own wire's (w, phi) at the stations s - 1, s, s + 1.
+Interleaved like this, not wire after wire as in (3.14) and (3.15), everything, droppers included, lies within seven
+diagonals on either side of the main one. The wires alone couple only with themselves, so their matrices are kept in a
+compact form: six numbers a row, the own wire's (w, phi) at the stations s - 1, s, s + 1.
 
 The convective integrals are not integrated by parts, the tension and bending integrals are; at a free end this
 leaves the natural boundary force (T - rhoA v^2) w_x, which `boundary` replaces by what lies beyond the end.
@@ -93,7 +93,10 @@ class MovingFrame:
 
 
 def wire_elements(wire: Wire, h: float, speed: float) -> tuple[Matrix, Matrix, Matrix]:
-    """Element matrices M, D, K of (3.6) for one wire seen from a frame that moves with `speed`, each (4, 4)."""
+    """Element matrices M, D, K of (3.6) for one wire seen from a frame that moves with `speed`, each (4, 4).
+
+    What Galerkin's method (3.10) to (3.13) leaves of an element: integrals of products of its shape functions.
+    """
     m, c = elements.mass(h), elements.convection(h)
     M = wire.mass_per_length * m
     D = wire.damping * m - 2.0 * speed * wire.mass_per_length * c
@@ -116,7 +119,7 @@ def refuse_fast(carrier: Wire, contact: Wire, speed: float) -> None:
 
 
 def assemble(mesh: Mesh, carrier: Wire, contact: Wire, speed: float) -> MovingFrame:
-    """Assemble both wires with free ends.
+    """Assemble both wires with free ends (3.16).
 
     Raises ValueError if the train is not slower than the waves: (3.6) then has no wave that runs ahead.
     """

@@ -98,7 +98,7 @@ class State(NamedTuple):
 
 
 def constants(pantograph: Pantograph, ts: float, beta: float, gamma: float) -> Constants:
-    """Prepare a pantograph for steps of ts (s) with Newmark's beta and gamma (3.22)."""
+    """Prepare a pantograph for steps of ts (s) with Newmark's beta and gamma, see `catenary_model.wires`."""
     M, D, K = pantograph.mass, pantograph.damping, pantograph.stiffness
     compliance = 0.0 if math.isinf(pantograph.contact_stiffness) else 1.0 / pantograph.contact_stiffness
     inverse = np.asarray(np.linalg.inv(M + gamma * ts * D + beta * ts**2 * K), dtype=np.float64)

@@ -70,7 +70,7 @@ def reduce(mesh: Mesh, wire: Wire, speed: float, half_length: float) -> ReducedM
 def discretise(
     model: ReducedModel, ts: float, beta: float = NEWMARK_BETA, gamma: float = NEWMARK_GAMMA
 ) -> tuple[Matrix, Matrix, Matrix]:
-    """Newmark's step (3.19) to (3.23) as x(k+1) = A_cat x(k) + B_cat f_cat + B_held f_held, x = (q, q', q'').
+    """Newmark's step, see `wires`, as x(k+1) = A_cat x(k) + B_cat f_cat + B_held f_held, x = (q, q', q'') (3.40).
 
     Returns A_cat (3n, 3n), B_cat (3n,), B_held (3n, n). ts is in s; forces are those of the new instant.
     """

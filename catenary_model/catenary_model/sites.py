@@ -6,9 +6,9 @@ wires' own answer a_0 = K_DM^-1 r and the compliance of one step between two sit
     e_i = g_i . (q_p + beta Ts^2 a_0),      C_ij = beta Ts^2 g_i^T K_DM^-1 g_j,
     p_i = fade_i (k_i (e_i - sum_j C_ij p_j) + b_i),                                                      (3.2, 3.3)
 
-is a small banded system for the forces p. A slack dropper has k = 0 and b = -F_s, its lost static force. Its state
-belongs to the step: after the small solve every dropper is asked, and where one disagrees only the small system is
-solved again.
+is a small banded system for the forces p, in place of K(t, Q) of (3.17), which is never formed. A slack dropper has
+k = 0 and b = -F_s, its lost static force. Its state belongs to the step: after the small solve every dropper is asked,
+and where one disagrees only the small system is solved again.
 A mass m that sits on the wire takes place, velocity and acceleration over from the wire at the beginning of the step
 and is then integrated by the same Newmark scheme, a spring m/(beta Ts^2) towards its predicted place; at v = 0 that is
 a mass in M. The pantograph, if it is coupled, is a spring that can only push.
@@ -131,7 +131,7 @@ def enlist(c: Constants, s: State, zeta: float) -> None:
 
 @njit(cache=True, fastmath={"contract"})
 def _place(real: Array, last: int, local: Array, zeta: float, here: Array, element: Ints, psi: Array) -> None:
-    """Put all sites where they are now: element, shape functions, fade, missing compliance."""
+    """Put all sites where they are now, x = zeta_i - zeta (3.5): element, shape functions, fade, missing compliance."""
     h, per_h, behind, ahead = real[H], 1.0 / real[H], real[BEHIND], real[AHEAD]
     per_fading = 1.0 / max(real[FADING], 1e-9)
     samples = local.shape[1] - 1
@@ -230,7 +230,7 @@ def compliances(c: Constants, s: State) -> None:
 
 @njit(cache=True, fastmath={"contract"})
 def _laws(c: Constants, s: State) -> None:
-    """Force law k e + b of every site for the present slack state."""
+    """Force law k e + b of every site for the present slack state (3.2, 3.3)."""
     beta, ts = c.real[BETA], c.real[TS]
     for i in range(s.counter[SITES]):
         row = s.where[ROW, i]
@@ -323,7 +323,7 @@ def _consistent(c: Constants, s: State) -> bool:
 
 @njit(cache=True, fastmath={"contract"})
 def settle(c: Constants, s: State) -> None:
-    """Find the forces of all sites, slack states consistent, for predicted q and the wires' own acceleration q''."""
+    """Find the forces of all sites, slack states consistent (3.17), for predicted q and the wires' own q''."""
     scale = c.real[BETA] * c.real[TS] * c.real[TS]
     q, a = s.q[0], s.q[2]
     for i in range(s.counter[SITES]):

@@ -62,7 +62,7 @@ def static_at(c: Constants, zeta: float, out: Array) -> None:
 
 @njit(cache=True, fastmath={"contract"})
 def track_position(c: Constants, s: State) -> float:
-    """Track position of the pantograph at the present instant, m."""
+    """Track position zeta_0 + v t of the pantograph at the present instant, m; (3.4) with its sign corrected."""
     return c.real[START] + c.real[SPEED] * (c.real[TS] * s.counter[STEPS])
 
 
@@ -133,7 +133,7 @@ def command_layers(gain: Array, q: Array, u: Array) -> None:
 
 @njit(cache=True, fastmath={"contract"})
 def drive_layers(u: Array, pivot: Array, rhs: Array) -> None:
-    """Add the forces and torques of the controlled layers to the right side."""
+    """Add the forces and torques of the controlled layers, u of (3.31), to the right side."""
     last = rhs.shape[2] - 1
     for wire in range(2):
         for end in range(2):
@@ -154,7 +154,7 @@ def start(c: Constants, s: State) -> None:
 
 @njit(cache=True, fastmath={"contract"})
 def substep(c: Constants, s: State) -> None:
-    """Integrate one step; `State.contact` says what acts at the contact point."""
+    """Integrate (3.18) by one step; `State.contact` says what acts at the contact point."""
     ts, beta, gamma = c.real[TS], c.real[BETA], c.real[GAMMA]
     s.counter[STEPS] += 1
     sites.collect(c, s, track_position(c, s))

@@ -52,7 +52,7 @@ class Factors:
 
 
 def step_matrix(frame: MovingFrame, ts: float, beta: float, gamma: float) -> Array:
-    """K_DM of both wires in compact form, (4 stations, 6); ts in s."""
+    """K_DM (3.22) of both wires in compact form, (4 stations, 6); ts in s."""
     return frame.mass + gamma * ts * frame.damping + beta * ts**2 * frame.stiffness
 
 
@@ -145,7 +145,7 @@ def _back(a: Array, c: Array, x: Array, state: Chain, first: int, end: int) -> C
 
 @njit(cache=True, fastmath={"contract"})
 def solve(sweep: Array, middle: Array, b: Array, x: Array) -> None:
-    """Solve K_DM x = b' for both wires, G b' = b (2, 2, stations); x (2, 2, stations + 2 PAD)."""
+    """Solve K_DM x = b' (3.21) for both wires, G b' = b (2, 2, stations); x (2, 2, stations + 2 PAD)."""
     n = b.shape[2]
     m, inner = n // 2, sweep.shape[1] - 1
     behind, ahead = sweep[0], sweep[1]
@@ -239,7 +239,7 @@ def push(pivot: Array, force: Array, rhs: Array) -> None:
 
 @njit(cache=True, fastmath={"contract"})
 def correct(q: Array, ts: float, beta: float, gamma: float) -> None:
-    """Newmark's correctors: from the predictors to q and q' with the new q''."""
+    """Newmark's correctors (3.19, 3.20): from the predictors to q and q' with the new q''."""
     b, g = beta * ts * ts, gamma * ts
     for wire in range(2):
         for kind in range(2):

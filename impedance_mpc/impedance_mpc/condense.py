@@ -40,7 +40,7 @@ class Weights:
 
 @dataclass(frozen=True)
 class Program:
-    """The program min 1/2 z' H z + (G p)' z over z = [u_tr in mm (Nc), F_cor in N (Nc)], and rows.
+    """The program (3.56): min 1/2 z' H z + (G p)' z over z = [u_tr in mm (Nc), F_cor in N (Nc)] (3.54), and rows.
 
     The rows bound the drive's position, its velocity, and its acceleration, the latter as the lead u - w - 2 zeta v /
     omega of the reference, which is the acceleration over omega^2: lower <= rows z + row_free p <= upper. They are

@@ -52,8 +52,8 @@ class EnvironmentReading(NamedTuple):
 class Command:
     """Command of one cycle: references in m, forces in N; ``correction`` is a case of :mod:`.correction`.
 
-    ``f_cat`` = ``f_predicted`` + ``f_cor`` is the force on the environment at t_(k+1). ``status`` is SOLVED (0) or
-    FALLBACK (2), ``fallbacks`` counts the latter since the reset.
+    ``f_cat`` = ``f_predicted`` + ``f_cor`` (3.45) is the force on the environment at t_(k+1). ``status`` is SOLVED (0)
+    or FALLBACK (2), ``fallbacks`` counts the latter since the reset.
     """
 
     u_tr: float = 0.0
@@ -286,6 +286,7 @@ class ImpedanceController:
         bounds: tuple[float, float, int],
         status: int,
     ) -> Command:
+        """Fill in the command; the force on the environment is F_cat = predicted contact force + F_cor (3.45)."""
         result = self.result
         result.u_tr, result.u_tr_next = u_tr, u_next
         result.f_tr, result.f_predicted, result.f_cor, result.f_cat = f_tr, predicted, f_cor, predicted + f_cor

@@ -8,7 +8,7 @@ Ask for dE(k) = theta dE(k-1) and solve for the force:
 
     F(theta) = (1 - theta) s + c,    s = dE(k-1) / (v_cat Ts),    c = F_tr (v_tr / v_cat - 1).
 
-Every theta in [0, alpha], 0 < alpha < 1, brings dE(k) between 0 and alpha dE(k-1): it decays and keeps its sign.
+Every theta in [0, alpha], 0 < alpha < 1, brings dE(k) between 0 and alpha dE(k-1): it decays (3.48) and keeps its sign.
 F falls with theta where s > 0 and rises where s < 0, so the theta of the lower and of the upper bound are
 
     v_cat > 0, dE > 0: alpha, 0      v_cat > 0, dE < 0: 0, alpha
@@ -68,7 +68,10 @@ class CorrectionRule:
 def decay_interval(
     delta_e: float, v_cat: float, v_tr: float, f_tr: float, ts: float, alpha: float, instantaneous_term: bool = True
 ) -> tuple[float, float]:
-    """Give the bounds (3.49) on F_cor(k) in N for dE(k-1) in J, velocities in m/s, F_tr in N; v_cat must not be 0."""
+    """Give the bounds (3.49) on F_cor(k) in N, between which (3.48) holds; v_cat must not be 0.
+
+    ``delta_e`` is dE(k-1) in J, velocities in m/s, F_tr in N.
+    """
     # One division by v_cat, so that a tiny velocity gives a huge bound but never infinity minus infinity.
     c = f_tr * (v_tr - v_cat) if instantaneous_term else 0.0
     slow, full = ((1.0 - alpha) * delta_e / ts + c) / v_cat, (delta_e / ts + c) / v_cat

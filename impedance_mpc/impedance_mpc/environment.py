@@ -1,7 +1,7 @@
 """Environments that the controller simulates itself: linear models that can take over from another one at any instant.
 
 Where the catenary's state arrives with every cycle, these are integrated here, by the same Newmark step (3.19) to
-(3.23) that the controller predicts with.
+(3.23) that the controller predicts with; the catenary's own: see ``catenary_model/wires.py``.
 """
 
 from __future__ import annotations

@@ -176,7 +176,9 @@ class NewmarkModel:
 
 
 def newmark_state_space(model: Impedance) -> NewmarkModel:
-    """Write one step of (3.19) to (3.23) as a matrix; q'' is a state because the method carries it from step to step.
+    """Write one step of (3.19) to (3.23) as a matrix (3.40); q'' is a state because the method carries it on.
+
+    The full catenary's own step: see ``catenary_model/wires.py``.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from impedance_mpc.plant import Array, Impedance, RigModel, newmark_state_space
 
 @dataclass(frozen=True)
 class Layout:
-    """Where each quantity stands in the vector p of all that a cycle knows.
+    """Where each quantity stands in the vector p of all that a cycle knows: the state (3.50), and more.
 
     p = [x_tr, q, q', q'', f_held, ramps under way, predicted contact force, others]; ``n`` degrees of freedom of the
     environment, ``ramps`` the number of earlier commands that the rig has not finished with, ``horizon`` is Np.
@@ -59,8 +59,9 @@ class Prediction:
 
     Y stacks all position errors (m), all velocity errors (m/s), all momentum errors (N s): (3 Np,). U = [u_tr(k) ..
     u_tr(k+Nc-1), F_cor(k) .. F_cor(k+Nc-1)] in m and N, (2 Nc,); moves beyond Nc are held. F_cor(j) acts on the wire at
-    t_(j+1). ``drive_free`` (2 Np, size of p) and ``drive_moved`` (2 Np, Nc) give the drive's own positions, then
-    velocities; ``lead_free`` and ``lead_moved``, for i = 0 .. Np, what the reference that arrives then leads it by (m).
+    t_(j+1). Of the inputs (3.52), u is in U, and z, the contact force, is in p: what is forecast of it. ``drive_free``
+    (2 Np, size of p) and ``drive_moved`` (2 Np, Nc) give the drive's own positions, then velocities; ``lead_free`` and
+    ``lead_moved``, for i = 0 .. Np, what the reference that arrives then leads it by (m).
     """
 
     free: Array
@@ -144,7 +145,7 @@ def _environment(model: Impedance, layout: Layout) -> tuple[Array, Array]:
 
 
 def predict(rig: RigModel, model: Impedance, prediction_horizon: int, control_horizon: int) -> Prediction:
-    """Condense rig, environment and momentum error over Np instants and Nc moves.
+    """Condense rig, environment and momentum error, (3.51) with (3.53), over Np instants and Nc moves.
 
     Raises
     ------

@@ -20,7 +20,7 @@ _SOFT = 8
 
 
 class QuadraticProgram:
-    """min 1/2 z' H z + g' z subject to l <= C z <= u and l_box <= z <= u_box, by DAQP (dense, dual active set).
+    """min 1/2 z' H z + g' z subject to l <= C z <= u and l_box <= z <= u_box, by DAQP (dense, dual active set): (3.56).
 
     ``hessian`` (nz, nz), ``rows`` C (m, nz), ``iterations`` the cap on changes of the active set; their number decides
     when it stops, never a clock. Each call of :meth:`solve` starts from the active set of the one before and keeps its

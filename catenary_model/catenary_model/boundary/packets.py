@@ -139,7 +139,7 @@ def _newmark(
     source: int,
     ear: int,
 ) -> Array:
-    """Newmark's steps of one wire, one column a packet; return w where one listens, (steps, columns)."""
+    """Newmark's steps of one wire, see `catenary_model.wires`; return w where one listens, (steps, packets)."""
     n = M.shape[0]
     steps, columns = force.shape
     # rows with seven diagonals, LU without pivoting

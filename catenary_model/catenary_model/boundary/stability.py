@@ -49,8 +49,8 @@ def spectral_radius(
 ) -> float:
     """Return the spectral radius of the closed loop, springs frozen where they are.
 
-    Dense, so for short domains: 200 stations with both wires take about a second. Without springs the wires do not
-    feel each other, and one of them may be left out.
+    Newmark's step, see `catenary_model.wires`. Dense, so for short domains: 200 stations with both wires take about a
+    second. Without springs the wires do not feel each other, and one of them may be left out.
     """
     M, D, K = (dense(compact) for compact in (frame.mass, frame.damping, frame.stiffness))
     for first, g, k in elongations(frame.mesh, springs):
@@ -77,7 +77,7 @@ def spectral_radius(
 
 
 class Stepper:
-    """Newmark's step of both wires with springs that may be others in every step; many states at once."""
+    """Newmark's step of both wires (see `catenary_model.wires`) with springs that may change; many states at once."""
 
     def __init__(self, frame: MovingFrame, feedback: Feedback | None, layer: Layer, states: int = 1) -> None:
         """Start `states` states at rest."""

@@ -1,13 +1,14 @@
 """Waves of one wire on the mesh and at the step of the integration: exact, not only for long ones.
 
-A signal z^k with z = exp(i omega Ts) turns Newmark's update (3.20, 3.21) into q' = s_v(z) q and q'' = s_a(z) q, so
+A signal z^k with z = exp(i omega Ts) turns Newmark's update (3.19, 3.20) into q' = s_v(z) q and q'' = s_a(z) q, so
 that the free wire obeys, at every inner node j of the uniform mesh,
 
     Z_- q_(j-1) + Z_0 q_j + Z_+ q_(j+1) = 0,    Z = s_a M + s_v D + K,    q_j = (w_j, phi_j)
 
-q_j = mu^j (w, phi) leaves a quadratic eigenproblem of size two: four waves for every frequency, two that die out
-ahead (they run or reach ahead) and two that die out behind. Of either pair the one that dies out more slowly is the
-travelling wave, the other the bending of the wire near a load, or what the mesh makes of waves it cannot carry.
+The wave (3.27), q_j = mu^j (w, phi), leaves a quadratic eigenproblem of size two: four waves for every frequency, two
+that die out ahead (they run or reach ahead) and two that die out behind. Of either pair the one that dies out more
+slowly is the travelling wave, the other the bending of the wire near a load, or what the mesh makes of waves it cannot
+carry.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class Waves:
 
 
 def waves(wire: Wire, h: float, speed: float, omega: Array, step: Layer) -> Waves:
-    """Solve the quadratic eigenproblem of the mesh at every omega > 0 (rad/s)."""
+    """Find the waves (3.27) of the mesh at every omega > 0 (rad/s): its quadratic eigenproblem."""
     omega = np.atleast_1d(np.asarray(omega, dtype=np.float64))
     Z = element_stiffness(wire, h, speed, omega, step)
     n = omega.size

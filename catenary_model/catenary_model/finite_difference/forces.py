@@ -83,7 +83,7 @@ def _give(w: Array, e: int, psi: Array, i: int, amount: float) -> None:
 
 @njit(cache=True, fastmath={"contract"})
 def gather(c: Constants, s: State) -> None:
-    """Find the forces of droppers, masts and arms at the present instant: what they do beyond rest, N."""
+    """Find the forces of masts, arms (3.2) and droppers (3.3) at the present instant: what they do beyond rest, N."""
     zeta = track_position(c, s)
     if s.counter[LISTED] == 0 or zeta >= s.contact[NEXT_CHANGE]:
         sites.enlist(c, s, zeta)

@@ -73,7 +73,7 @@ def height(c: Constants, s: State, force: float) -> float:
 
 @njit(cache=True, fastmath={"contract"})
 def observe(c: Constants, s: State, f_cat: float, cycle_time: float) -> None:
-    """Fill `point` and `segment` for the present instant, whose new level is already there."""
+    """Fill `point` and `segment` (3.41) for the present instant, whose new level is already there."""
     zeta = track_position(c, s)
     slots, now = s.w.shape[0], s.counter[NOW]
     before, old, new = s.w[(now - 1) % slots, 1], s.w[now, 1], s.w[(now + 1) % slots, 1]

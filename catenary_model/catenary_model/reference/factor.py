@@ -5,9 +5,9 @@ D = (beta_w / rhoA) M, so that a step needs the mass matrix only:
 
     A q = M (s q_p - beta Ts^2 d v_p) + beta Ts^2 f,    A = s M + beta Ts^2 K,  s = 1 + gamma Ts d,  d = beta_w / rhoA
 
-(q_p, v_p: predictors (3.19, 3.20); A is K_DM of (3.22)). A is block tridiagonal with 2 x 2 blocks, one a node. Its
-factors S_(i+1) = D - B^T S_i^-1 B converge to a constant within some dozen nodes, to the last bit: only this head is
-kept, the rest of a wire, however long, is two recursions with constant coefficients.
+(q_p, v_p: predictors (3.19, 3.20); A is K_DM of (3.22), see `catenary_model.wires`). A is block tridiagonal with 2 x 2
+blocks, one a node. Its factors S_(i+1) = D - B^T S_i^-1 B converge to a constant within some dozen nodes, to the last
+bit: only this head is kept, the rest of a wire, however long, is two recursions with constant coefficients.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class WireFactor:
 
 
 def factor(wire: Wire, h: float, nodes: int, ts: float, beta: float, gamma: float) -> WireFactor:
-    """Factor A of a wire with free ends, `nodes` nodes, elements of length h (m) and steps of ts (s)."""
+    """Factor A of a wire (3.1) with free ends, `nodes` nodes, elements of length h (m) and steps of ts (s)."""
     stiffness = wire.bending_stiffness * elements.bending(h) + wire.tension * elements.tension(h)
     block = (wire.mass_per_length + gamma * ts * wire.damping) * elements.mass(h) + beta * ts**2 * stiffness
     B = block[:2, 2:]

@@ -2,7 +2,7 @@
 
 A link has the elongation e = g . q (of the deviation q) and pulls the wires back with -g lambda,
 
-    lambda = k (e - r) + d e' + m e''    if it acts, else (a slack dropper) -F_s, its lost static force,
+    lambda = k (e - r) + d e' + m e''    if it acts, else (a slack dropper) -F_s, its lost static force,  (3.2, 3.3)
 
 which at Newmark's new instant is K (e - ref), K = k + d gamma/(beta Ts) + m/(beta Ts^2). The wires without links answer
 a unit force with a column h = beta Ts^2 A^-1 g that has died away to the last bit within some dozen nodes and never
@@ -30,7 +30,7 @@ _DIED_AWAY = 1e-17
 """Share of a column's peak below which it counts as zero: a tenth of the rounding of the peak itself."""
 
 ENDS = ("matched_dashpot", "clamped")
-"""Kinds of ends: dashpots of the wires' own impedance rhoA c, or held displacement and rotation."""
+"""Kinds of ends: dashpots of the wires' own impedance rhoA c, or held displacement and rotation (3.7)."""
 
 
 class Links(NamedTuple):

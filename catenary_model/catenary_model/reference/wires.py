@@ -1,5 +1,7 @@
 """Both wires without anything that touches them: one Newmark step, compiled (see `factor`).
 
+The same step with the acceleration as its unknown, as (3.19) to (3.23) have it: see `catenary_model.wires`.
+
 Fields are rows of (4, nodes) arrays: w_ca, phi_ca, w_co, phi_co. The passes over the nodes either vectorise (no node
 needs another one's result) or run both wires side by side, so that neither waits for the other's recursion.
 """

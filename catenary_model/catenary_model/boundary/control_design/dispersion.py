@@ -44,7 +44,7 @@ class Harmonics:
 
 
 def continuous_wave_number(wire: Wire, speed: float, direction: int, omega: Array) -> Complex:
-    """Return omega_x (1/m) of the wave that travels BEHIND or AHEAD at each omega_t (rad/s), from (3.26)."""
+    """Return omega_x (1/m) of the wave that travels BEHIND or AHEAD at each omega_t (rad/s), (3.25) by (3.26)."""
     found = np.empty(omega.size, dtype=np.complex128)
     rho, beta = wire.mass_per_length, wire.damping
     for i, w in enumerate(omega):

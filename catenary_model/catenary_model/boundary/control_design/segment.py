@@ -18,7 +18,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Segment:
-    """x_(k+1) = A x_k + B u_k with x = (q, q', q''), nodes counted from the end inwards, (w, phi) interleaved."""
+    """x_(k+1) = A x_k + B u_k (3.30), nodes counted from the end inwards, (w, phi) interleaved.
+
+    x = (q, q', q''): Newmark's method carries q'' on, which (3.24) leaves out.
+    """
 
     A: Array
     """(6 nodes, 6 nodes)."""
@@ -32,7 +35,7 @@ class Segment:
 
 
 def newmark(M: Array, D: Array, K: Array, step: Layer) -> tuple[Array, Array]:
-    """Return A (3 n, 3 n) and B (3 n, n) of Newmark's step (3.19 to 3.23) for x = (q, q', q'')."""
+    """Return A (3 n, 3 n) and B (3 n, n) of Newmark's step, see `catenary_model.wires`, for x = (q, q', q'')."""
     ts, beta, gamma = step.ts, step.beta, step.gamma
     eye = np.eye(M.shape[0])
     inverse = np.linalg.inv(M + gamma * ts * D + beta * ts**2 * K)
