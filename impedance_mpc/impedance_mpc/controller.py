@@ -17,7 +17,7 @@ from impedance_mpc.forecast import ForecastRule
 from impedance_mpc.parameters import CASCADED, CORRECTED, Parameters
 from impedance_mpc.plant import Array, Impedance, pt2_rig
 from impedance_mpc.predict import predict
-from impedance_mpc.solver import FAILED, QuadraticProgram
+from impedance_mpc.solver import FAILED, Solver, solver_of
 
 FALLBACK = 2
 """Status of a command that was taken from the plan of the cycle before."""
@@ -104,7 +104,8 @@ class ImpedanceController:
         self.program = program(
             predict(rig, model, config.prediction_horizon, n_c), weights, n_c, config.constraint_stride
         )
-        self.qp = QuadraticProgram(
+        self.qp: Solver = solver_of(
+            config.solver,
             self.program.hessian,
             self.program.rows,
             config.qp_tolerance,

@@ -110,8 +110,13 @@ class Parameters(Group):
     )
     correction_rate_limit: float = parameter("Fastest change of the correction force", unit="N/s", low=1.0, high=1e7)
     correction_instantaneous_term: bool = parameter("Keep the instantaneous term in the bounds of eq. (3.49)")
+    solver: str = parameter("Solver of the quadratic program", choices=("daqp", "proxqp"))
     qp_max_iterations: int = parameter(
-        "Changes of the active set after which the plan of the cycle before is used", unit="1", low=1, high=10000
+        "Iterations of the solver (daqp: changes of the active set; proxqp: Newton steps) after which the plan of the "
+        "cycle before is used",
+        unit="1",
+        low=1,
+        high=10000,
     )
     qp_tolerance: float = parameter(
         "Violation of a constraint that counts as none: the change of the plan that would mend it (mm, N)",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import daqp
 import numpy as np
 
@@ -17,6 +19,53 @@ _OPTIMAL = (1, 2)
 """DAQP's flags of a solution: without, and with a soft row violated."""
 _SOFT = 8
 """DAQP's mark of a constraint that may be violated at a cost."""
+
+
+DAQP, PROXQP = "daqp", "proxqp"
+
+
+class Solver(Protocol):
+    """What solves the programs of a ride, one a cycle; see :class:`QuadraticProgram` for what is asked of it."""
+
+    hessian: Array
+    rows: Array
+    softness: Array | None
+    tolerance: float
+    max_iterations: int
+    z: Array
+    """The newest solution."""
+    iterations: int
+    """Those of the newest call, of whatever kind the solver counts."""
+
+    def solve(self, g: Array, lower: Array, upper: Array, box_lower: Array, box_upper: Array) -> int:
+        """Solve for gradient and bounds; give SOLVED or FAILED."""
+
+    def reset(self) -> None:
+        """Forget all earlier solutions."""
+
+
+def solver_of(
+    name: str, hessian: Array, rows: Array, tolerance: float, iterations: int, softness: Array | None = None
+) -> Solver:
+    """Give the solver of that name, DAQP or PROXQP, for programs with this Hessian and these rows.
+
+    Raises
+    ------
+    ValueError
+        There is no such solver, ProxSuite is not installed, the Hessian is not positive definite, or a number is not
+        finite.
+    """
+    if name == DAQP:
+        return QuadraticProgram(hessian, rows, tolerance, iterations, softness)
+    if name != PROXQP:
+        raise ValueError(f"'solver' = {name} is none: daqp or proxqp")
+    # Only for who wants it: it takes a third of a second.
+    from impedance_mpc.proxqp import ProximalProgram
+
+    try:
+        return ProximalProgram(hessian, rows, tolerance, iterations, softness)
+    except ImportError as error:
+        raise ValueError(f"'solver' = proxqp needs the package proxsuite: {error}") from None
 
 
 class QuadraticProgram:

@@ -43,13 +43,13 @@ class Solver(Protocol):
 
 
 class Controller:
-    """The controller's own class, with the parameters of the ride."""
+    """One of the controller's own classes, with the parameters of the ride."""
 
-    def __init__(self, sequence: Sequence) -> None:
-        from impedance_mpc.solver import FAILED, QuadraticProgram
+    def __init__(self, sequence: Sequence, name: str) -> None:
+        from impedance_mpc.solver import FAILED, solver_of
 
-        self._qp = QuadraticProgram(
-            sequence.hessian, sequence.rows, sequence.tolerance, sequence.iterations, sequence.softness
+        self._qp = solver_of(
+            name, sequence.hessian, sequence.rows, sequence.tolerance, sequence.iterations, sequence.softness
         )
         self._failed = FAILED
         self.z = self._qp.z
@@ -315,11 +315,15 @@ class Quadprog:
 def proxsuite_build(build: str) -> Any:
     """Load one of ProxSuite's builds: '' for 16-byte vectors, '_avx2', '_avx512'; one a process.
 
+    Where the package is loaded already, by the controller, its own choice is given: a second build would end it all.
+
     Raises
     ------
     ImportError
         ProxSuite is not there, or not in this build.
     """
+    if "proxsuite" in sys.modules:
+        return sys.modules["proxsuite"]
     name = f"proxsuite_pywrap{build}"
     package = find_spec("proxsuite")
     for folder in (package.submodule_search_locations or []) if package else []:
@@ -353,9 +357,20 @@ class Known:
     """Knows soft rows; others are given the same problem with variables of their own for them."""
 
 
-CONTROLLER = "the controller's"
+CONTROLLER, PROXIMAL = "the controller's", "the controller's, ProxQP"
 SOLVERS: dict[str, Known] = {
-    CONTROLLER: Known("daqp", Controller, "DAQP as the controller calls it, soft rows", soft_rows=True),
+    CONTROLLER: Known(
+        "daqp",
+        lambda sequence: Controller(sequence, "daqp"),
+        "DAQP as the controller calls it, soft rows",
+        soft_rows=True,
+    ),
+    PROXIMAL: Known(
+        "proxsuite",
+        lambda sequence: Controller(sequence, "proxqp"),
+        "ProxQP as the controller calls it: soft rows, active bounds made exact",
+        soft_rows=True,
+    ),
     "DAQP": Known("daqp", Daqp, "dual active set; active set, factors"),
     "ProxQP": Known("proxsuite", ProxQP, "augmented Lagrangian; solution, scaling"),
     "ProxQP, AVX2": Known("proxsuite", lambda sequence: ProxQP(sequence, "_avx2"), "the same, its build for AVX2"),

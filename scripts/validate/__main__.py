@@ -24,6 +24,7 @@ NAMES = {
 }
 """Module of every name, imported only when asked for, and what it measures."""
 
+SOLVERS = "daqp", "proxqp"
 FAILED = 3
 WIDTH = 132
 """Columns of the table where there is no terminal."""
@@ -43,7 +44,14 @@ def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--json", type=path, metavar="FILE", help="write the figures there")
     parser.add_argument("--out", type=path, metavar="DIR", help="draw the pictures there")
     parser.add_argument("--quick", action="store_true", help="shortened: only to see that it works")
+    parser.add_argument(
+        "--solver",
+        choices=SOLVERS,
+        help=f"of impedance: the controller's solver ({SOLVERS[0]} if nothing is said)",
+    )
     given = parser.parse_args(argv)
+    if given.solver and given.name != "impedance":
+        parser.error("--solver is for impedance only")
     parser.check_places(given.json, given.out)
     return given
 
@@ -71,7 +79,8 @@ def main() -> int:
                 progress.print(what, highlight=False)
                 last = time.monotonic()
 
-        outcome: Outcome = module.run(given.quick, given.out, say)
+        choice = {"solver": given.solver} if given.solver else {}
+        outcome: Outcome = module.run(given.quick, given.out, say, **choice)
     for sheet in outcome.sheets:
         console.print(sheet)
     console.print(table(outcome))

@@ -13,10 +13,11 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from multiprocessing import get_context
 from pathlib import Path
 
+from impedance_mpc.solver import DAQP
 from validate.impedance_figures import SETTLED, Figures, Statistics, evaluate, in_units, statistics, whole_spans
 from validate.impedance_ride import (
     CASCADED,
@@ -180,9 +181,9 @@ def direct_rows(place: Place, found: Statistics) -> list[Row]:
     ]
 
 
-def run(quick: bool, out: Path | None, say: Say) -> Outcome:
-    """Make all rides; a quick run makes a single one."""
-    wanted, duration = cases(quick), QUICK if quick else DURATION
+def run(quick: bool, out: Path | None, say: Say, solver: str = DAQP) -> Outcome:
+    """Make all rides with a solver of the controller; a quick run makes a single one."""
+    wanted, duration = [replace(case, solver=solver) for case in cases(quick)], QUICK if quick else DURATION
     workers = 1 if quick else min(WORKERS, os.cpu_count() or 1)
     coupled, every = everything(wanted, duration, workers, say)
     windows = {case.at: window(case, coupled[case.at].ts, duration) for case in wanted}
@@ -203,7 +204,7 @@ def run(quick: bool, out: Path | None, say: Say) -> Outcome:
     notes = [
         f"Rides of {duration:g} s from the same place under the same static force, which comes up within {RUN_IN:g} s; "
         f"motion and force are evaluated over whole spans from {min(SETTLED, LATER * duration):g} s on, the books from "
-        f"{RUN_IN:g} s on.",
+        f"{RUN_IN:g} s on. The controller's solver: {solver}.",
         "|dE| and |dp| are the largest at any time after that, over what the whole ride exchanged; over what was "
         "exchanged by then they are told and have no goal: early in a ride next to nothing has been exchanged.",
         "|dp| by true impulse is told and has no goal: the load cell's bias is in it, which no controller can know of.",

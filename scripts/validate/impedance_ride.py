@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from time import perf_counter_ns
 from typing import Any
 
@@ -23,6 +23,7 @@ from catenary_model.build import build as build_catenary
 from catenary_model.pantograph import Pantograph
 from catenary_model.parameters import Parameters as CatenaryParameters
 from catenary_model.ride import ride
+from impedance_mpc.solver import DAQP
 from phil_node.parameters import build
 from ride.settings import Settings, resolve
 from test_rig_sim.limits import Guard, Limits, Measurement
@@ -54,6 +55,8 @@ class Case:
     rig: str = "nominal"
     control: str = CORRECTED
     variant: str = ""
+    solver: str = field(default=DAQP, compare=False)
+    """Solver of the controller; the figures are to be the same with each."""
 
     @property
     def at(self) -> tuple[int, str]:
@@ -148,7 +151,7 @@ def settings_of(case: Case) -> Settings:
     """Give all parameters of a case."""
     changes: dict[str, dict[str, Any]] = {
         "catenary_model": {"speed_kmh": float(case.speed)},
-        "impedance_mpc": {"control": case.control},
+        "impedance_mpc": {"control": case.control, "solver": case.solver},
         "test_rig_sim": {"pantograph": case.pantograph, "run_in": RUN_IN, "initial_force_share": 0.0},
     }
     settings = resolve(None, changes, case.rig)

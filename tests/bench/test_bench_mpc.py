@@ -15,7 +15,7 @@ from bench.closed_loop import ClosedLoop
 from bench.mpc_contest import Entry, accuracy, certificate, contest, run_through
 from bench.mpc_problems import Sequence, distance, excess, residuals, violation
 from bench.mpc_record import record
-from bench.mpc_solvers import CONTROLLER, SOLVERS, Known, version
+from bench.mpc_solvers import CONTROLLER, PROXIMAL, SOLVERS, Known, version
 
 CYCLES = 150
 EXACT = 1e-8
@@ -214,8 +214,8 @@ def test_clocks_leave_the_controller_as_it_was() -> None:
 
 
 def test_quick_bench_fills_every_table(monkeypatch: pytest.MonkeyPatch, tmp_path, capsys) -> None:
-    """With two solvers installed only, so that it says what is missing."""
-    present = (CONTROLLER, "DAQP")
+    """With those solvers only that every set-up has, so that it says what is missing."""
+    present = (CONTROLLER, PROXIMAL, "DAQP")
     for module in (mpc, mpc_tables):
         monkeypatch.setattr(module, "version", lambda name: version(name) if name in present else None)
     monkeypatch.setattr(mpc, "CASES", mpc.CASES[:2])

@@ -9,14 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
-from impedance_mpc.solver import FAILED, SOLVED, QuadraticProgram
+from impedance_mpc.proxqp import ProximalProgram
+from impedance_mpc.solver import DAQP, FAILED, PROXQP, SOLVED, QuadraticProgram
 
 TOLERANCE = 1e-6
+each = pytest.mark.parametrize("solver", [QuadraticProgram, ProximalProgram], ids=[DAQP, PROXQP])
 
 
-def test_solver_refuses_nan_and_recovers():
+@each
+def test_solver_refuses_nan_and_recovers(solver):
     """A gradient with NaN fails, the next call is solved as if nothing had been."""
-    qp = QuadraticProgram(np.eye(2), np.ones((1, 2)), 1e-8, 100)
+    qp = solver(np.eye(2), np.ones((1, 2)), 1e-8, 100)
     wide = 10.0 * np.ones(2)
     row = np.ones(1)
     assert qp.solve(np.array([-1.0, np.nan]), -row * 5, row * 5, -wide, wide) == FAILED
@@ -26,23 +29,25 @@ def test_solver_refuses_nan_and_recovers():
     np.testing.assert_allclose(qp.z, [0.5, 1.5], atol=1e-7)
 
 
-def test_solver_that_runs_out_of_iterations_says_so_and_recovers():
+@each
+def test_solver_that_runs_out_of_iterations_says_so_and_recovers(solver):
     """One change of the active set is too few for many active bounds: refused, no half-finished plan is used."""
     rng = np.random.default_rng(0)
     half = rng.normal(size=(20, 20))
     hessian, rows = half @ half.T + 1e-6 * np.eye(20), rng.normal(size=(5, 20))
     bound, box, g = np.ones(5), np.ones(20), 100.0 * rng.normal(size=20)
-    short, long = QuadraticProgram(hessian, rows, 1e-9, 1), QuadraticProgram(hessian, rows, 1e-9, 200)
+    short, long = solver(hessian, rows, 1e-9, 1), solver(hessian, rows, 1e-9, 200)
     assert short.solve(g, -bound, bound, -box, box) == FAILED
     np.testing.assert_array_equal(short.z, 0.0)
     assert long.solve(g, -bound, bound, -box, box) == SOLVED
     assert np.all(np.abs(long.z) <= 1.0 + 1e-8)
 
 
+@each
 @pytest.mark.parametrize("softness", [10.0, 1e4])
-def test_a_soft_row_is_the_quadratic_penalty(softness):
+def test_a_soft_row_is_the_quadratic_penalty(solver, softness):
     """Minimum of 1/2 z^2 - 3 z with z <= 1 softly: the closed form is z = (3 + s) / (1 + s)."""
-    qp = QuadraticProgram(np.eye(1), np.ones((1, 1)), 1e-9, 50, np.array([softness]))
+    qp = solver(np.eye(1), np.ones((1, 1)), 1e-9, 50, np.array([softness]))
     wide = np.array([1e3])
     for _ in range(2):
         assert qp.solve(np.array([-3.0]), np.array([-1.0]), np.array([1.0]), -wide, wide) == SOLVED
@@ -99,14 +104,15 @@ def _program(seed):
     return hessian, rows, softness, chain()
 
 
+@each
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_every_start_leads_to_the_solution(seed):
+def test_every_start_leads_to_the_solution(solver, seed):
     """From the active set before, from none, by another method: the same to the tolerance, whatever the rows' unit."""
     hessian, rows, softness, chain = _program(seed)
-    warm = QuadraticProgram(hessian, rows, TOLERANCE, 200, softness)
+    warm = solver(hessian, rows, TOLERANCE, 200, softness)
     for problem in islice(chain, 6):
-        cold = QuadraticProgram(hessian, rows, TOLERANCE, 200, softness)
+        cold = solver(hessian, rows, TOLERANCE, 200, softness)
         assert warm.solve(*problem) == cold.solve(*problem) == SOLVED
         right = _nonnegative_least_squares(hessian, rows, softness, *problem)
         np.testing.assert_allclose(warm.z, right, atol=10.0 * TOLERANCE)
@@ -148,6 +154,7 @@ def _nothing_below(g, lower, upper, box_lower, box_upper):
     box_upper[0] = -np.inf
 
 
+@each
 @pytest.mark.parametrize("first", [True, False], ids=["in the first cycle", "later"])
 @pytest.mark.parametrize("softness", [None, np.full(3, 1e3)], ids=["hard", "soft"])
 @pytest.mark.parametrize(
@@ -165,12 +172,12 @@ def _nothing_below(g, lower, upper, box_lower, box_upper):
         _nothing_below,
     ],
 )
-def test_what_cannot_be_solved_fails_and_leaves_nothing_behind(spoil, softness, first):
+def test_what_cannot_be_solved_fails_and_leaves_nothing_behind(solver, spoil, softness, first):
     """After it every problem is solved as if it had never been: a refused bound once switched its row off for good."""
     chance = np.random.default_rng(5)
     half = chance.normal(size=(4, 4))
     hessian, rows = half @ half.T + np.eye(4), chance.normal(size=(3, 4))
-    qp = QuadraticProgram(hessian, rows, TOLERANCE, 100, softness)
+    qp = solver(hessian, rows, TOLERANCE, 100, softness)
     for number in range(6):
         problem = [20.0 * chance.normal(size=4), -np.ones(3), np.ones(3), -np.ones(4), np.ones(4)]
         if number == (0 if first else 2):
@@ -179,14 +186,15 @@ def test_what_cannot_be_solved_fails_and_leaves_nothing_behind(spoil, softness, 
             assert qp.solve(*problem) == FAILED
             np.testing.assert_array_equal(qp.z, before)
             continue
-        fresh = QuadraticProgram(hessian, rows, TOLERANCE, 100, softness)
+        fresh = solver(hessian, rows, TOLERANCE, 100, softness)
         assert qp.solve(*problem) == fresh.solve(*problem) == SOLVED
         np.testing.assert_allclose(qp.z, fresh.z, atol=1e-9)
 
 
+@each
 @pytest.mark.parametrize("by", [1e-12, 5e-7])
-def test_bounds_crossed_by_less_than_the_tolerance_are_one_bound(by):
-    qp = QuadraticProgram(np.eye(2), np.ones((1, 2)), TOLERANCE, 50)
+def test_bounds_crossed_by_less_than_the_tolerance_are_one_bound(solver, by):
+    qp = solver(np.eye(2), np.ones((1, 2)), TOLERANCE, 50)
     wide, row = np.ones(2), np.ones(1)
     for _ in range(2):
         assert qp.solve(np.array([-3.0, 1.0]), 0.5 * row + by, 0.5 * row, -9.0 * wide, 9.0 * wide) == SOLVED
@@ -195,8 +203,9 @@ def test_bounds_crossed_by_less_than_the_tolerance_are_one_bound(by):
         np.testing.assert_allclose(qp.z, [3.0, -1.0], atol=1e-9)
 
 
-def test_an_active_bound_may_become_infinite():
-    qp = QuadraticProgram(np.eye(1), np.ones((1, 1)), TOLERANCE, 50)
+@each
+def test_an_active_bound_may_become_infinite(solver):
+    qp = solver(np.eye(1), np.ones((1, 1)), TOLERANCE, 50)
     wide = np.array([9.0])
     assert qp.solve(np.array([-3.0]), -wide, np.array([1.0]), -wide, wide) == SOLVED
     assert qp.solve(np.array([-3.0]), -wide, np.array([np.inf]), -wide, wide) == SOLVED
@@ -226,7 +235,8 @@ def test_the_solver_is_not_believed(monkeypatch, answer):
     np.testing.assert_allclose(qp.z, [1.0, 0.0], atol=1e-9)
 
 
+@each
 @pytest.mark.parametrize("hessian", [np.diag([1.0, 0.0]), np.diag([1.0, -1.0]), np.diag([1.0, np.nan])])
-def test_a_program_that_is_not_strictly_convex_is_refused(hessian):
+def test_a_program_that_is_not_strictly_convex_is_refused(solver, hessian):
     with pytest.raises(ValueError, match=r"not positive definite|not finite"):
-        QuadraticProgram(hessian, np.ones((1, 2)), TOLERANCE, 50)
+        solver(hessian, np.ones((1, 2)), TOLERANCE, 50)
