@@ -186,8 +186,9 @@ class ImpedanceNode(PhilNode[Parameters]):
             self._object("rig", state.cycle, arrival)
         if arrival is Arrival.NEW:
             self._answer_all()
-            if self._hurried:
-                self._send_again()
+            if self._hurried and self.pairs.waits_for_catenary:
+                # By each state of the rig once: who comes back when it rests is not to hear of a ride that is over.
+                self._again.once(self._asking.due)
         elif arrival is Arrival.STALE:
             self.timing.stale += 1
         elif arrival is Arrival.REPEATED and self.answer.cycle == state.cycle:
@@ -220,14 +221,10 @@ class ImpedanceNode(PhilNode[Parameters]):
             self.timing.stale += 1
 
     def _send_again(self) -> None:
-        """Send the last command again, now or when it is time, if the rig has gone on and the wire's state lacks."""
-        if not self.pairs.waits_for_catenary:
-            return
-        now = monotonic()
-        if now >= self._asking.due:
+        """Send the last command again, unless the wire's state has come meanwhile."""
+        if self.pairs.waits_for_catenary:
             self.commands.publish(self.answer)
-            self._asking.again(now)
-        self._again.once(self._asking.due)
+            self._asking.again(monotonic())
 
     def _ask_again(self, cycle: int) -> None:
         """Ask the catenary for a state that could not be used, once, if it is the one that is waited for."""

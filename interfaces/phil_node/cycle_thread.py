@@ -40,8 +40,9 @@ class CycleTimer:
             self.due = when
 
     def once(self, when: float) -> None:
-        """Call at that time (monotonic clock in s), and then stand still; from a callback of the thread."""
+        """Call at that time (monotonic clock in s), and then stand still."""
         self.due, self._next = when, float("inf")
+        self._thread.wake()
 
     def advance(self, now: float) -> None:
         """Set the next call, on the grid of the first one; those that were missed are left out."""

@@ -23,7 +23,7 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
-from impedance_mpc.asking import EAGER  # noqa: E402
+from impedance_mpc.asking import EAGER, LONGEST  # noqa: E402
 from impedance_mpc.node import ImpedanceNode  # noqa: E402
 from phil_node.qos import CYCLE, LATCHED  # noqa: E402
 
@@ -155,14 +155,20 @@ def test_a_command_is_sent_again_once_the_rig_goes_on_without_it(bench, mode):
     bench.spin(lambda: len(bench.commands) == 1, 5.0)
     bench.spin(seconds=0.1)
     assert len(bench.commands) == 1  # the rig's next state is to come first
-    bench.rig.publish(rig_state(1))
-    bench.spin(seconds=0.5)
+    begun = time.monotonic()
+    for k in range(1, 61):
+        bench.rig.publish(rig_state(k))
+        bench.spin(seconds=0.01)
+    bench.spin(seconds=0.3)
     again = bench.commands[1:]
     assert all(command == bench.commands[0] for command in again)
     if mode == "lockstep":
         assert not again
     else:
-        assert EAGER < len(again) < EAGER + 10  # 8 at once, then after 3, 6, 12, ... 250 ms
+        # With each state of the rig, then after 3, 6, 12, ... 192 ms, then each 250 ms.
+        assert EAGER < len(again) <= EAGER + 8 + (time.monotonic() - begun) / LONGEST
+    bench.spin(seconds=0.6)
+    assert len(bench.commands) == 1 + len(again)  # the rig rests: who comes back now hears nothing of this ride
     bench.catenary.publish(catenary_state(1))
     bench.spin(lambda: bench.commands[-1].cycle == 1, 5.0)
     number = len(bench.commands)
