@@ -51,7 +51,9 @@ class Stand(Client):
         return status is not None and status.level == level and text in status.message
 
     def value(self, name: str, key: str) -> str:
-        return next((entry.value for entry in self.status[name].values if entry.key == key), "")
+        """Give what a node said last, empty if it has said nothing of it yet."""
+        status = self.status.get(name)
+        return next((entry.value for entry in status.values if entry.key == key), "") if status is not None else ""
 
     def reset(self, *names: str) -> None:
         from std_srvs.srv import Trigger
