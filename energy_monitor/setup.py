@@ -12,11 +12,11 @@ setup(
     name=PACKAGE,
     version=VERSION,
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "report/*.html", "report/*.j2", "report/*.css"]},
+    package_data={PACKAGE: ["py.typed", "config/*.yaml", "report/*.html", "report/*.j2", "report/*.css"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", [str(path) for path in sorted(Path("config").glob("*.yaml"))]),
+        (f"share/{PACKAGE}/config", [str(path) for path in sorted(Path(PACKAGE, "config").glob("*.yaml"))]),
     ],
     install_requires=["setuptools"],
     zip_safe=False,

@@ -7,7 +7,6 @@ discrete dispersion relation sends back less than a per cent, and the scheme wit
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 import matplotlib
@@ -16,8 +15,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "catenary_model"))  # works without an installation
-sys.path.append(str(Path(__file__).resolve().parents[1] / "interfaces"))
 from catenary_model import absorbing
 
 C, BED = 100.0, 5.0  # m/s, Hz below which the bed lets no wave travel

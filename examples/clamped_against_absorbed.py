@@ -8,7 +8,6 @@ does not fade, it grows.
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 import matplotlib
@@ -17,8 +16,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "catenary_model"))  # works without an installation
-sys.path.append(str(Path(__file__).resolve().parents[1] / "interfaces"))
 from catenary_model.boundary import BOUNDARIES
 from catenary_model.line_file import load_line
 from catenary_model.model import Catenary, Config

@@ -7,7 +7,6 @@ softer just where it was stiffest.
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 import matplotlib
@@ -16,8 +15,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "catenary_model"))  # works without an installation
-sys.path.append(str(Path(__file__).resolve().parents[1] / "interfaces"))
 from catenary_model import statics
 from catenary_model.line_file import load_line, preset_names
 from catenary_model.stiffness import PushedLine

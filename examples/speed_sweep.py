@@ -7,7 +7,6 @@ limits the speed of electric trains; standards allow 0.7 c.
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 import matplotlib
@@ -16,8 +15,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "catenary_model"))  # works without an installation
-sys.path.append(str(Path(__file__).resolve().parents[1] / "interfaces"))
 from catenary_model.line_file import load_line
 from catenary_model.model import Catenary, Config
 from catenary_model.pantograph import Pantograph

@@ -6,7 +6,6 @@ the lines in between; the line of the droppers, which stand as far apart in eith
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 import matplotlib
@@ -15,8 +14,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "catenary_model"))  # works without an installation
-sys.path.append(str(Path(__file__).resolve().parents[1] / "interfaces"))
 from catenary_model.line_file import load_line
 from catenary_model.model import Catenary, Config
 from catenary_model.pantograph import Pantograph

@@ -8,7 +8,6 @@ back less.
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 import matplotlib
@@ -17,8 +16,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "catenary_model"))  # works without an installation
-sys.path.append(str(Path(__file__).resolve().parents[1] / "interfaces"))
 from catenary_model.line import Dropper, Line, Span
 from catenary_model.model import Catenary, Config
 

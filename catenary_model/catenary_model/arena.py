@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model.layout import Array, Constants, Ints, State
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 C = TypeVar("C", bound=tuple[Any, ...])
 S = TypeVar("S", bound=tuple[Any, ...])

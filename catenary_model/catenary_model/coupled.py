@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from catenary_model import layout, pantograph, step
 from catenary_model.layout import Constants, State
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 

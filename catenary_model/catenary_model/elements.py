@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Matrix = NDArray[np.float64]
 

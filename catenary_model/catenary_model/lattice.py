@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from catenary_model import elements
 from catenary_model.line import Wire
 from catenary_model.statics import Statics
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -41,8 +41,8 @@ from pydantic.fields import FieldInfo
 from catenary_model import statics
 from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, Wire
 from catenary_model.reach import refuse_unridable
-from phil_node.clear_words import ClearError
-from phil_node.yaml_file import YamlError, parse_yaml
+from phil_base.clear_words import ClearError
+from phil_base.yaml_file import YamlError, parse_yaml
 
 T = TypeVar("T")
 

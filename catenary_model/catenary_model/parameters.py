@@ -13,8 +13,8 @@ from catenary_model.config import DISCRETISATIONS, Config
 from catenary_model.finite_difference.ends import ENDS
 from catenary_model.line import Line
 from catenary_model.line_file import LineFileError, load_line, preset_names
-from phil_node.parameters import Group, parameter
-from phil_node.real_time import RealTime
+from phil_base.parameters import Group, parameter
+from phil_base.real_time import RealTime
 
 
 def line_of(name_or_path: str) -> Line:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 
-from phil_node.cycle_counts import CycleCounts
+from phil_base.cycle_counts import CycleCounts
 
 LARGEST_FORCE = 1e6
 """N, no contact force: the wire would not come back from where it throws it."""

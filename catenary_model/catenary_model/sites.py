@@ -77,7 +77,7 @@ from catenary_model.layout import (
     X,
 )
 from catenary_model.wires import PAD
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 # Inner functions get the arrays that they need, not the bundles: a call that is not inlined would copy these.
 

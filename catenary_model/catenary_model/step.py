@@ -46,7 +46,7 @@ from catenary_model.layout import (
     State,
 )
 from catenary_model.wires import PAD
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 
 @njit(cache=True, fastmath={"contract"})

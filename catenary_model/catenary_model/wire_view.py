@@ -13,7 +13,7 @@ from catenary_model import layout, step
 from catenary_model.layout import Constants, State
 from catenary_model.moving_frame import Mesh
 from catenary_model.statics import MAST, Statics
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model.moving_frame import MovingFrame
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from phil_node.clear_words import clear
+from phil_base.clear_words import clear
 
 CDR = "cdr"
 

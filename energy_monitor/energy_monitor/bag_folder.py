@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from phil_node.yaml_file import read_yaml
+from phil_base.yaml_file import read_yaml
 
 from .bag_channel import BagError, Source
 from .bag_compression import codec_of, decompress, foreign, is_compressed, plain_name

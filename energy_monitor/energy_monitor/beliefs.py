@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from phil_node.parameters import ParameterError, config_file, defaults, read_file
+from phil_base.parameters import ParameterError, config_file, defaults, read_file
 
 APART = 0.01
 """1, difference over the larger of both that is worth a mark."""

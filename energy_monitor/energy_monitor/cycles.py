@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import Generic, TypeVar
 
-from phil_node.cycle_counts import CycleCounts
+from phil_base.cycle_counts import CycleCounts
 
 T = TypeVar("T")
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from energy_monitor.contact_quality import ContactStatistics
-from phil_node.clear_words import ClearError
-from phil_node.parameters import config_file
-from phil_node.yaml_file import YamlError, read_yaml
+from phil_base.clear_words import ClearError
+from phil_base.parameters import config_file
+from phil_base.yaml_file import YamlError, read_yaml
 
 QUANTITIES = (
     "mean",

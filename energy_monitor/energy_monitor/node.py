@@ -17,10 +17,10 @@ from energy_monitor.agreement import Entry
 from energy_monitor.audit import HEARTBEAT, Audit, CatenarySample, CommandSample, RigSample, tolerance_of
 from energy_monitor.limits import chosen, evaluate, verdict
 from energy_monitor.parameters import Parameters
+from phil_base.guard import finite, objection
 from phil_node.base import Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
-from phil_node.guard import finite, objection
 from phil_node.qos import CYCLE, CYCLE_KEPT
 
 

@@ -3,8 +3,8 @@
 from pydantic import model_validator
 
 from energy_monitor.limits import chosen
-from phil_node.parameters import Group, parameter
-from phil_node.real_time import RealTime
+from phil_base.parameters import Group, parameter
+from phil_base.real_time import RealTime
 
 
 class ContactParameters(Group):

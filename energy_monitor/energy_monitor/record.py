@@ -18,9 +18,9 @@ from typing import Any, TextIO
 from energy_monitor.listening import RideRecorder
 from energy_monitor.topics import RECORDED
 from energy_monitor.watch import Watch
-from phil_node.clear_words import clear
-from phil_node.command_line import UNUSABLE, Parser, path, seconds
-from phil_node.memory import lean_heap, touch_objects
+from phil_base.clear_words import clear
+from phil_base.command_line import UNUSABLE, Parser, path, seconds
+from phil_base.memory import lean_heap, touch_objects
 from phil_node.surroundings import leave_if_unusable
 
 RESERVE = 8 << 20
@@ -305,8 +305,8 @@ def say(text: str, stream: TextIO) -> None:
 def _record(node: Any, recorder: RideRecorder, sink: Any, options: argparse.Namespace, asked: list[int]) -> None:
     from rclpy.clock import Clock, ClockType
 
+    from phil_base.scheduling import go_first
     from phil_node.executor import LONG, events_executor
-    from phil_node.scheduling import go_first
 
     # A ride that was granted real-time scheduling would starve a recorder without it, and the bag would have gaps.
     go_first([os.getpid()])

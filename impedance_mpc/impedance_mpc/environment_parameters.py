@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phil_node.parameters import Group, parameter
+from phil_base.parameters import Group, parameter
 
 
 class ReducedEnvironment(Group):

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
 from impedance_mpc.plant import Array
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 CONSTANT, LINEAR, CONTACT = 0, 1, 2
 KINDS = {"constant": CONSTANT, "linear": LINEAR, "contact": CONTACT}

@@ -19,10 +19,10 @@ from impedance_mpc.pairing import LONGEST, Arrival, CyclePairs
 from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
+from phil_base.guard import finite, finite_array, objection, plausible
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
-from phil_node.guard import finite, finite_array, objection, plausible
 from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED
 from phil_node.signals import asked_to_end
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Generic, TypeVar
 
-from phil_node.cycle_counts import CycleCounts
+from phil_base.cycle_counts import CycleCounts
 
 R = TypeVar("R")
 C = TypeVar("C")

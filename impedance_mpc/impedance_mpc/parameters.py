@@ -6,8 +6,8 @@ from pydantic import model_validator
 from typing_extensions import Self
 
 from impedance_mpc.environment_parameters import EnvironmentParameters
-from phil_node.parameters import Group, parameter
-from phil_node.real_time import RealTime
+from phil_base.parameters import Group, parameter
+from phil_base.real_time import RealTime
 
 CASCADED, INTEGRATED, CORRECTED = "cascaded", "integrated", "integrated_with_correction"
 

@@ -19,7 +19,7 @@ from impedance_mpc.predict import (
     REFERENCE,
     VELOCITY_BIAS,
 )
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 # entries of Work.now, what a cycle is told
 W_TR, V_TR, F_TR, WAY, W_ENV, V_ENV, F_ENV, F_ENV_BEFORE, OFFSET, DRIFT_NOW, DELTA_P, REFERENCE_NOW, F_COR = range(13)

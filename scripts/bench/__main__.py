@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from bench.realtime.options import RealtimeOptions, WrongUse, add_options, options_from
-from phil_node.command_line import Parser, path, write_json
+from phil_base.command_line import Parser, path, write_json
 
 WRONG, FAILED, INTERRUPTED = 2, 3, 130
 NAMES = ("catenary", "lines", "mpc", "realtime")

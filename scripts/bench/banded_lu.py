@@ -23,7 +23,7 @@ from catenary_model import layout, sites, step, wires
 from catenary_model.layout import Constants, State
 from catenary_model.model import Catenary, Config
 from catenary_model.wires import PAD
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 

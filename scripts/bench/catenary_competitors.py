@@ -20,7 +20,7 @@ from bench.sparse_lu import SparseLU
 from catenary_model import layout, ride, step
 from catenary_model.layout import Constants, State
 from catenary_model.model import Catenary, Config
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 

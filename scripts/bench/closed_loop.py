@@ -14,7 +14,7 @@ from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from impedance_mpc.controller import EnvironmentReading, ImpedanceController, RigReading
 from impedance_mpc.parameters import Parameters as ControllerParameters
 from impedance_mpc.plant import Impedance
-from phil_node.parameters import build
+from phil_base.parameters import build
 from ride.settings import Settings
 from test_rig_sim.parameters import Parameters as RigParameters
 from test_rig_sim.rig import Rig

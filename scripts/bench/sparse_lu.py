@@ -18,7 +18,7 @@ from bench import banded_lu
 from bench.banded_lu import HALF
 from catenary_model import layout, step
 from catenary_model.model import Catenary, Config
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from phil_node.scheduling import go_first
+from phil_base.scheduling import go_first
 
 REST = 0.15
 """Pause after a block as a share of it: the system takes the processor from whoever holds it first for over 95 %."""

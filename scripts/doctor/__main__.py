@@ -6,13 +6,12 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from phil_node.command_line import Parser, path, real, write_json
+from phil_base.command_line import Parser, path, real, write_json
+from phil_base.workspace import workspace
 
 GOOD, BAD, FAILED, INTERRUPTED = 0, 1, 3, 130
 GOOD_WORDS = "nothing stands against a ride in real time at 500 Hz"
-ROOT = Path(__file__).resolve().parents[2]
 WIDTH = 160
 """Columns of the tables where there is no terminal."""
 LAST_DOMAIN = 232
@@ -29,7 +28,7 @@ def parser() -> Parser:
     made.add_argument("--json", type=path, metavar="FILE", help="write everything there")
     made.add_argument("--seconds", type=_seconds, default=10.0, metavar="S", help="length of each measurement (10)")
     made.add_argument("--domain", type=_domain, metavar="N", help="ROS domain to look at ($ROS_DOMAIN_ID, or 0)")
-    made.add_argument("--bags", type=path, default=ROOT / "rides", metavar="DIR", help="folder for bags (rides)")
+    made.add_argument("--bags", type=path, default=workspace() / "rides", metavar="DIR", help="folder for bags (rides)")
     return made
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from doctor.wake_up import PERIOD, WakeUps
-from phil_node.scheduling import cpus_in_words
+from phil_base.scheduling import cpus_in_words
 
 LARGEST = 100_000
 """us, the histogram's end; what is beyond goes by the largest one seen."""

@@ -20,7 +20,7 @@ from doctor.domain import discovery, environment, participants
 from doctor.finding import CHANGE, OK, Finding, Machine, looked
 from doctor.verdict import judged
 from doctor.wake_up import WakeUps, measure, together
-from phil_node.scheduling import CYCLE, highest_priority, why_not_first
+from phil_base.scheduling import CYCLE, highest_priority, why_not_first
 
 OURS, THEIRS = "doctor", "cyclictest"
 MATTERS = (

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from doctor.finding import CHANGE, NOTE, Finding, Machine
-from phil_node.memory import MIB, advice_to_lock, may_lock
-from phil_node.scheduling import CYCLE, PRIORITY, highest_priority, why_not_first
+from phil_base.memory import MIB, advice_to_lock, may_lock
+from phil_base.scheduling import CYCLE, PRIORITY, highest_priority, why_not_first
 
 
 def priority(machine: Machine) -> Iterator[Finding]:

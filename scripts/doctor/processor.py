@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from doctor.finding import CHANGE, NOTE, OK, Finding, Machine
-from phil_node.scheduling import cpus_in_words, cpus_of
+from phil_base.scheduling import cpus_in_words, cpus_of
 
 LEAST_CORES = 2
 """Rig, catenary and controller follow one upon the other; middleware, monitor and recorder need a second core."""

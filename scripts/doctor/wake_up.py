@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phil_node.memory import lock_memory
+from phil_base.memory import lock_memory
 
 PERIOD = 0.001
 """s."""

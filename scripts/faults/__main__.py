@@ -15,7 +15,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phil_node.command_line import Parser, path, real, write_json
+from phil_base.command_line import Parser, path, real, write_json
+from phil_base.workspace import workspace
 
 if TYPE_CHECKING:
     from faults.catalogue import Fault
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 WIDTH = 220
 """Columns of the table where there is no terminal."""
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
+DOCUMENT = workspace() / "docs" / "faults.md"
 GOOD, BAD, WRONG, BROKEN = 0, 1, 2, 3
 
 
@@ -83,7 +84,7 @@ def ride(given: argparse.Namespace, chosen: Sequence[Fault], out: Path) -> int:
 
     from faults.runner import Runner
     from faults.table import table, update
-    from phil_node.parameters import ParameterError
+    from phil_base.parameters import ParameterError
     from ride.shared_memory import remove_litter, snapshot
 
     console = Console()

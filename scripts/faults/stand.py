@@ -18,8 +18,8 @@ from energy_monitor.topics import RECORDED
 from faults.observer import Observer
 from faults.relay import DONE, LATCHED_ORDERS, LINKS, ORDERS
 from faults.wall_clock import WallClock
+from phil_base.scheduling import highest_priority, priority_of, schedule, threads_of
 from phil_node.executor import events_executor
-from phil_node.scheduling import highest_priority, priority_of, schedule, threads_of
 from ride.lifecycle import DEACTIVATE, RideError
 from ride.processes import Process, end_all
 from ride.rearm import change, configure, rearm, state_of

@@ -11,9 +11,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from phil_node.command_line import Parser, path, whole, write_json
+from phil_base.command_line import Parser, path, whole, write_json
+from phil_base.workspace import workspace
 
-ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("yaml", "line", "pantograph", "trajectory", "limits", "report-limits", "bag", "command-line")
 GOOD, BAD, WRONG, FAILED = 0, 1, 2, 3
 MOST = 10**7
@@ -64,7 +64,7 @@ def main() -> int:
 
     console = Console()
     names = NAMES if given.kind == "all" else (given.kind,)
-    out = given.out or ROOT / "rides" / "fuzz"
+    out = given.out or workspace() / "rides" / "fuzz"
     rows: list[Row] = []
     begin = time.monotonic()
     with TemporaryDirectory(prefix="phil_fuzz_") as name:

@@ -23,7 +23,7 @@ def _refused(error: Exception) -> int:
 
 def yaml(file: Path) -> int:
     """Everything that ``scripts/run.sh --params FILE`` does before a process is started."""
-    from phil_node.parameters import ParameterError, read_file
+    from phil_base.parameters import ParameterError, read_file
     from ride.checks import notices
     from ride.options import parse
     from ride.settings import line_text, pantograph_text, resolve, write
@@ -73,7 +73,7 @@ def line(file: Path) -> int:
 
 def _rig(changes: dict[str, object]) -> int:
     """Build the parameters of a rig and what is designed from them, as a ride does before it starts."""
-    from phil_node.parameters import ParameterError, build, defaults
+    from phil_base.parameters import ParameterError, build, defaults
     from ride.checks import check_builds
     from test_rig_sim.parameters import Parameters
 

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from fuzz import words
-from phil_node.parameters import config_file
+from phil_base.parameters import config_file
 
 
 @dataclass(frozen=True)

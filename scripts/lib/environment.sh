@@ -18,7 +18,7 @@ phil_help() {
   for argument in "$@"; do
     case "$argument" in
       -h | --help)
-        PYTHONPATH="$PHIL_ROOT/scripts:$PHIL_ROOT/interfaces:$PHIL_ROOT/energy_monitor" \
+        PYTHONPATH="$PHIL_ROOT/scripts:$PHIL_ROOT/interfaces/phil_base:$PHIL_ROOT/energy_monitor" \
           "${PHIL_PYTHON:-python3}" -m "$module" --help 2>/dev/null && exit 0
         ;;
     esac
@@ -122,33 +122,29 @@ phil_optional() {
 phil_digest() {
   (
     cd "$PHIL_ROOT" || exit
-    local installed=("$@")
-    find "$@" "${installed[@]/#/install/}" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -print0 2>/dev/null | LC_ALL=C sort -z | xargs -0 sha256sum
+    find "$@" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -print0 2>/dev/null | LC_ALL=C sort -z | xargs -0 sha256sum
     "$PHIL_VENV/bin/python" -V
     echo "$PHIL_ROS $PHIL_ROOT"
   ) | sha256sum
 }
 
 phil_build() {
-  local interfaces="$PHIL_ROOT/install/.phil-interfaces" packages="$PHIL_ROOT/install/.phil-packages" log
-  local messages="$PHIL_ROOT/install/.phil-messages" generated=(interfaces/{msg,cmake,CMakeLists.txt,package.xml})
-  local nodes=(catenary_model impedance_mpc test_rig_sim energy_monitor) todo=() fresh=()
-  log="$PHIL_ROOT/log/build.txt"
-  if [ "$(cat "$interfaces" 2>/dev/null)" != "$(phil_digest interfaces phil_interfaces)" ]; then
+  local messages="$PHIL_ROOT/install/.phil-messages" packages="$PHIL_ROOT/install/.phil-packages" log="$PHIL_ROOT/log/build.txt"
+  local nodes=(phil_base phil_node catenary_model impedance_mpc test_rig_sim energy_monitor phil_loop) todo=() fresh=()
+  local of_messages=(interfaces/phil_interfaces install/phil_interfaces)
+  local of_packages=(interfaces/phil_base interfaces/phil_node catenary_model impedance_mpc test_rig_sim energy_monitor scripts "${nodes[@]/#/install/}")
+  if [ "$(cat "$messages" 2>/dev/null)" != "$(phil_digest "${of_messages[@]}")" ]; then
     phil_say "building messages (half a minute the first time)"
-    todo=(phil_interfaces "${nodes[@]}")
-    # Their code is generated and compiled again only for messages that changed, not for what lies beside them.
-    [ "$(cat "$messages" 2>/dev/null)" = "$(phil_digest "${generated[@]}")" ] || fresh=(phil_interfaces)
-  elif [ "$(cat "$packages" 2>/dev/null)" != "$(phil_digest "${nodes[@]}")" ]; then
+    fresh=(phil_interfaces "${nodes[@]}") todo=(phil_interfaces "${nodes[@]}")
+  elif [ "$(cat "$packages" 2>/dev/null)" != "$(phil_digest "${of_packages[@]}")" ]; then
     phil_say "building nodes"
-    todo=("${nodes[@]}")
+    fresh=("${nodes[@]}") todo=("${nodes[@]}")
   fi
   [ "${#todo[@]}" -eq 0 ] && return
   mkdir -p "$PHIL_ROOT/log" "$PHIL_ROOT/install"
   # From scratch: what is there is only overwritten by files of a later date, and a file put back is an older one.
-  fresh+=("${nodes[@]}")
   rm -rf "${fresh[@]/#/$PHIL_ROOT/build/}" "${todo[@]/#/$PHIL_ROOT/install/}" "$packages"
-  [ "${todo[0]}" = phil_interfaces ] && rm -f "$interfaces" "$messages"
+  [ "${todo[0]}" = phil_interfaces ] && rm -f "$messages"
   (
     cd "$PHIL_ROOT" &&
       python -m colcon build --packages-select "${todo[@]}" --event-handlers console_direct- console_cohesion+ >"$log" 2>&1
@@ -156,9 +152,8 @@ phil_build() {
     tail -n 40 "$log" >&2
     phil_fail "the build failed; all of it is in $log"
   }
-  phil_digest "${generated[@]}" >"$messages"
-  phil_digest interfaces phil_interfaces >"$interfaces"
-  phil_digest "${nodes[@]}" >"$packages"
+  phil_digest "${of_messages[@]}" >"$messages"
+  phil_digest "${of_packages[@]}" >"$packages"
 }
 
 phil_environment() {
@@ -196,5 +191,5 @@ phil_environment() {
   export PYTHONUNBUFFERED=1 RCUTILS_COLORIZED_OUTPUT=0
   # A rig does not listen to the neighbours' rigs unless it is told to.
   [ -n "${ROS_LOCALHOST_ONLY:-}" ] || export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
-  export PYTHONPATH="$PHIL_ROOT/scripts${PYTHONPATH:+:$PYTHONPATH}"
+  export PHIL_ROOT # rides and documents lie there, wherever Python's modules are installed
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from phil_node.parameters import ParameterError
+from phil_base.parameters import ParameterError
 from ride.options import overrides_of
 from ride.settings import NODES, resolve
 

@@ -12,8 +12,8 @@ from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from impedance_mpc.parameters import Parameters as ControllerParameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import simulated_environments
-from phil_node.parameter_file import reaches, read_parameter_file
-from phil_node.parameters import Group, ParameterError
+from phil_base.parameter_file import reaches, read_parameter_file
+from phil_base.parameters import Group, ParameterError
 
 LISTENERS = ("impedance_mpc", "energy_monitor")
 """Nodes of a ride that listen to the rig's state; its recorder is counted by the ride itself."""

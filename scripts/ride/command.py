@@ -8,8 +8,8 @@ from pathlib import Path
 from rich.console import Console
 
 from energy_monitor.beliefs import remark
-from phil_node import clear_words
-from phil_node.parameters import ParameterError
+from phil_base import clear_words
+from phil_base.parameters import ParameterError
 from phil_node.surroundings import reach
 from ride.checks import notices
 from ride.folder import clear

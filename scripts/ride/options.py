@@ -9,9 +9,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from phil_node.command_line import Parser, path, real, whole
-
-ROOT = Path(__file__).resolve().parents[2]
+from phil_base.command_line import Parser, path, real, whole
+from phil_base.workspace import workspace
 
 SHORTCUTS = {
     "speed_kmh": ("catenary_model", "speed_kmh"),
@@ -91,7 +90,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         value = getattr(given, option)
         if value is not None:
             overrides.setdefault(node, {})[key] = value
-    out = given.out or ROOT / "rides" / f"{datetime.now():%Y%m%d-%H%M%S}"
+    out = given.out or workspace() / "rides" / f"{datetime.now():%Y%m%d-%H%M%S}"
     return Options(
         out=out.absolute(),
         params=tuple(given.params),
@@ -118,7 +117,7 @@ def overrides_of(entries: Sequence[str], parser: argparse.ArgumentParser) -> dic
 
 def _value(text: str, parser: argparse.ArgumentParser) -> Any:
     # Imported only here: --help has to answer before anything is installed.
-    from phil_node.yaml_file import YamlError, parse_yaml
+    from phil_base.yaml_file import YamlError, parse_yaml
 
     try:
         return parse_yaml(text)

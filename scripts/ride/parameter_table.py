@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
-from phil_node.parameters import Info, defaults, infos
+from phil_base.parameters import Info, defaults, infos
+from phil_base.workspace import workspace
 from ride.settings import NODES
 
-PATH = Path(__file__).resolve().parents[2] / "docs" / "parameters.md"
+PATH = workspace() / "docs" / "parameters.md"
 
 HEAD = """# Parameters
 

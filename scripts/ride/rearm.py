@@ -16,7 +16,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from phil_node.command_line import Parser
+from phil_base.command_line import Parser
 from ride.lifecycle import ACTIVATE, CONFIGURE, NEXT, RideError
 from ride.settings import NODES
 

@@ -15,8 +15,8 @@ from rich.console import Console
 
 from energy_monitor.record import DISK_FULL
 from energy_monitor.topics import RECORDED
+from phil_base.scheduling import highest_priority, priority_of, schedule, schedule_as_others, threads_of, why_not_first
 from phil_node.executor import events_executor
-from phil_node.scheduling import highest_priority, priority_of, schedule, schedule_as_others, threads_of, why_not_first
 from ride.lifecycle import ACTIVATE, CONFIGURE, DEACTIVATE, Managed, RideError
 from ride.options import Options
 from ride.processes import Process, end_all

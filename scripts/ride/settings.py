@@ -11,8 +11,8 @@ from typing import Any
 from catenary_model.line_file import LineFileError, dump_line, preset_names
 from catenary_model.parameters import line_of
 from catenary_model.reach import beyond_reach
-from phil_node.parameter_file import is_rclpys, read_parameter_file
-from phil_node.parameters import (
+from phil_base.parameter_file import is_rclpys, read_parameter_file
+from phil_base.parameters import (
     Group,
     ParameterError,
     build,
@@ -24,7 +24,7 @@ from phil_node.parameters import (
     read_file,
     values_of,
 )
-from phil_node.yaml_file import YamlError, dump_yaml
+from phil_base.yaml_file import YamlError, dump_yaml
 from ride.checks import check_builds, files_of, nodes_of
 
 Settings = dict[str, dict[str, Any]]

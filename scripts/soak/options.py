@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from phil_node.command_line import UNUSABLE, Parser, path, real, whole
+from phil_base.command_line import UNUSABLE, Parser, path, real, whole
+from phil_base.workspace import workspace
 
-ROOT = Path(__file__).resolve().parents[2]
 RATES = (50.0, 5000.0)
 """Hz, lowest and highest rate: what the nodes' parameter `cycle_time` allows, and where nothing is left of a cycle."""
 MINUTES = (0.1, 1440.0)
@@ -70,7 +70,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
             parser.error(f"--{name} {value:g} has to be within {low:g} and {high:g}")
     if not 0 <= given.viewers <= 20:
         parser.error(f"--viewers {given.viewers} has to be within 0 and 20")
-    out = given.out or ROOT / "rides" / f"soak-{datetime.now():%Y%m%d-%H%M%S}"
+    out = given.out or workspace() / "rides" / f"soak-{datetime.now():%Y%m%d-%H%M%S}"
     if given.set:
         # Only now, so that --help and what can be said without it come at once.
         from ride.beforehand import refusal

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from bench.realtime.tables import PROCESSES
 from energy_monitor.bag_channel import BagError
-from phil_node.command_line import write_json
+from phil_base.command_line import write_json
 from soak.judge import Verdict, judge_lists, judge_samples, quantity, times, trends
 from soak.looks import QUANTITIES, Sample
 from soak.options import Options

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-from phil_node.command_line import Parser, path, write_json
+from phil_base.command_line import Parser, path, write_json
 
 NAMES = {
     "en50318": ("validate.en50318", "the reference model of EN 50318:2002 at 250 and 300 km/h"),

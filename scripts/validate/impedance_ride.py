@@ -24,7 +24,7 @@ from catenary_model.pantograph import Pantograph
 from catenary_model.parameters import Parameters as CatenaryParameters
 from catenary_model.ride import ride
 from impedance_mpc.solver import DAQP
-from phil_node.parameters import build
+from phil_base.parameters import build
 from ride.settings import Settings, resolve
 from test_rig_sim.limits import Guard, Limits, Measurement
 from test_rig_sim.pantographs import PANTOGRAPHS

@@ -23,7 +23,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from phil_node.parameters import build
+from phil_base.parameters import build
 from ride.settings import resolve
 from test_rig_sim import linear_loop, step
 from test_rig_sim.identify import Pt2, Response, identify, relative_error, ride, simulate_pt2

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 from test_rig_sim.pantograph_parameters import CarBodyParameters
 
 Array = npt.NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 
 class Contact(NamedTuple):

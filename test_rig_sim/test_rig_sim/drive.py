@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 
 class Drive(NamedTuple):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = npt.NDArray[np.float64]
 

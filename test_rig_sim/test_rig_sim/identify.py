@@ -25,7 +25,7 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 from scipy.signal import butter, lfilter, sosfilt
 
-from phil_node.parameters import ParameterError, build, defaults, read_file
+from phil_base.parameters import ParameterError, build, defaults, read_file
 from test_rig_sim.parameters import Parameters
 from test_rig_sim.rig import Rig
 

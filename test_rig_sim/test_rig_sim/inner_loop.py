@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 from test_rig_sim.drive import Drive
 
 Array = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import expm
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = npt.NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from phil_interfaces.msg import ImpedanceCommand, RigState
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from phil_base.cycle_counts import CycleCounts
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
-from phil_node.cycle_counts import CycleCounts
 from phil_node.diagnosis import SILENT
 from phil_node.qos import CYCLE, VIEW
 from test_rig_sim.diagnosis import diagnosis, missing_command, missing_listeners, to_go_on

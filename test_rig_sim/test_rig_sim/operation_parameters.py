@@ -1,6 +1,6 @@
 """Parameters of operating modes, limits and the drive's own motions; part of the node's parameters."""
 
-from phil_node.parameters import Group, parameter
+from phil_base.parameters import Group, parameter
 from test_rig_sim.trajectory import KINDS, LONGEST
 
 

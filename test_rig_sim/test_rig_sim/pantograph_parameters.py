@@ -2,7 +2,7 @@
 
 from pydantic import model_validator
 
-from phil_node.parameters import Group, parameter
+from phil_base.parameters import Group, parameter
 from test_rig_sim.pantographs.frame import bellows_volume
 
 

@@ -2,8 +2,8 @@
 
 from pydantic import model_validator
 
-from phil_node.parameters import Group, parameter
-from phil_node.real_time import RealTime
+from phil_base.parameters import Group, parameter
+from phil_base.real_time import RealTime
 from test_rig_sim import mounting, operation
 from test_rig_sim.operation_parameters import (
     LimitParameters,

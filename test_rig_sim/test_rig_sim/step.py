@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 from test_rig_sim.contact import Contact, contact_force
 from test_rig_sim.drive import Drive, drive_acceleration, stator_force
 from test_rig_sim.force_observer import ForceObserver, observe_force

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 MAX_MODES = 2
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from phil_node.clear_words import ClearError
+from phil_base.clear_words import ClearError
 from test_rig_sim.motion import Pace, at_rest, towards
 
 Array = npt.NDArray[np.float64]

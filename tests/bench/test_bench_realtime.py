@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from bench.realtime import against, run, tables, usage
+from bench.realtime.against import ROOT
 from bench.realtime.disturbance import OUTSIDE, Disturbance, plain, work_of
 from bench.realtime.figures import Measured, longest_run, measured, ticks_skipped, turnarounds
 from bench.realtime.goals import goals
@@ -26,7 +27,6 @@ from bench.realtime.run import turns
 from bench.realtime.session import Build, Ridden, outcome, processes
 from bench.realtime.standstill import AFTER, read
 from energy_monitor.bag import Table
-from ride.options import ROOT
 
 TS = 2_000_000  # ns
 

@@ -10,7 +10,7 @@ from catenary_model.line import Line
 from catenary_model.line_file import dump_line, load_line, preset_names
 from catenary_model.model import Config
 from catenary_model.parameters import Parameters
-from phil_node.parameters import ParameterError, build, defaults
+from phil_base.parameters import ParameterError, build, defaults
 
 
 def with_changes(**changes: Any) -> dict[str, Any]:

@@ -15,8 +15,8 @@ from test_catenary_node import Partner, partner  # noqa: E402, F401
 from catenary_model.build import build  # noqa: E402
 from catenary_model.finite_difference import Catenary  # noqa: E402
 from catenary_model.parameters import Parameters  # noqa: E402
-from phil_node.parameters import ParameterError, defaults  # noqa: E402
-from phil_node.parameters import build as read  # noqa: E402
+from phil_base.parameters import ParameterError, defaults  # noqa: E402
+from phil_base.parameters import build as read  # noqa: E402
 
 FD = {"discretisation": "fd", "grid_boundary": "one_way"}
 

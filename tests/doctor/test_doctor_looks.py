@@ -9,7 +9,7 @@ import pytest
 from doctor import kernel, limits, processor, transport
 from doctor.domain import MEET, discovery, environment, judged
 from doctor.finding import CHANGE, NOTE, OK, Finding, Machine, looked
-from phil_node.scheduling import highest_priority
+from phil_base.scheduling import highest_priority
 
 
 def write(machine, files):

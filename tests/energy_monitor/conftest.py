@@ -18,7 +18,7 @@ from energy_monitor.contact_quality import ContactQuality
 
 sys.path.insert(0, str(Path(__file__).parent))  # what the tests of this folder share
 
-INTERFACES = Path(__file__).resolve().parents[2] / "interfaces" / "msg"
+INTERFACES = Path(__file__).resolve().parents[2] / "interfaces" / "phil_interfaces" / "msg"
 TS = 0.002
 EPOCH = 1_700_000_000_000_000_000  # ns, log time of the first message
 

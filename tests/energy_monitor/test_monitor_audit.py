@@ -12,7 +12,7 @@ from energy_monitor.audit import HEARTBEAT, Audit, CatenarySample, CommandSample
 from energy_monitor.books import accumulated_of, books_of
 from energy_monitor.contact_quality import contact_quality_of
 from energy_monitor.parameters import Parameters
-from phil_node.parameters import ParameterError, build, defaults
+from phil_base.parameters import ParameterError, build, defaults
 
 TS = 0.002
 

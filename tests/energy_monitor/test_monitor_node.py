@@ -14,8 +14,8 @@ from energy_monitor.audit import Audit
 from energy_monitor.listening import DEPTH
 from energy_monitor.node import DEEP, INPUTS, MonitorNode
 from energy_monitor.parameters import Parameters
+from phil_base.parameters import build, defaults
 from phil_node.cdr import Plan
-from phil_node.parameters import build, defaults
 from phil_node.qos import CYCLE, CYCLE_KEPT
 from phil_node.timing import Timing
 

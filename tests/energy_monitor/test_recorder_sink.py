@@ -146,7 +146,7 @@ char c
 
 HEAP = """
 import ctypes, threading
-from phil_node.memory import lean_heap
+from phil_base.memory import lean_heap
 
 class Info(ctypes.Structure):  # mallinfo2(3)
     _fields_ = [(name, ctypes.c_size_t) for name in

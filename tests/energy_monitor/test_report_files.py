@@ -19,7 +19,7 @@ import pytest
 from rich.console import Console
 
 import energy_monitor
-import phil_node
+import phil_base
 from energy_monitor.analysis import Settings, analyse
 from energy_monitor.bag import read_bag
 from energy_monitor.report import ReportError, summary_table, write_report
@@ -162,7 +162,7 @@ def test_page_of_a_poor_bag(synthetic: Callable[..., Path], tmp_path: Path) -> N
 
 
 def environment() -> dict[str, str]:
-    folders = (Path(energy_monitor.__file__).parents[1], Path(phil_node.__file__).parents[1])
+    folders = (Path(energy_monitor.__file__).parents[1], Path(phil_base.__file__).parents[1])
     return dict(os.environ, PYTHONPATH=os.pathsep.join([*map(str, folders), os.environ.get("PYTHONPATH", "")]))
 
 

@@ -12,7 +12,7 @@ from energy_monitor.bag import BagError, read_bag
 from energy_monitor.report.cli import main
 from energy_monitor.report.ride_parameters import parameters_of
 from energy_monitor.report.verdicts import read_limits
-from phil_node.parameters import ParameterError
+from phil_base.parameters import ParameterError
 
 
 def written(folder: Path, node: str, values: str) -> Path:

@@ -5,7 +5,7 @@ from impedance_loop import MassSpringDamper
 
 from impedance_mpc.controller import EnvironmentReading, ImpedanceController, RigReading
 from impedance_mpc.parameters import Parameters
-from phil_node.parameters import build, defaults
+from phil_base.parameters import build, defaults
 
 # A rig of round numbers and without dead time; the defaults are those of a rig that was identified.
 RIG = {"rig_natural_frequency_hz": 40.0, "rig_damping_ratio": 0.8, "rig_delay": 0.0}

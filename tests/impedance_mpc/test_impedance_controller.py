@@ -9,7 +9,7 @@ from impedance_mpc import prepare
 from impedance_mpc.controller import EnvironmentReading, ImpedanceController, RigReading
 from impedance_mpc.correction import CAPPED, DEAD_ZONE, OFF
 from impedance_mpc.plant import newmark_state_space, pt2_rig
-from phil_node.parameters import ParameterError
+from phil_base.parameters import ParameterError
 
 
 def test_without_active_constraints_the_plan_is_the_least_squares_solution():

@@ -177,10 +177,12 @@ def test_no_third_file_knows_the_names_of_the_environments() -> None:
     """The parameter, the switch and the message list the same environments in the same order."""
     from impedance_mpc.parameters import Parameters
     from impedance_mpc.switching import ENVIRONMENTS
-    from phil_node.parameters import infos
+    from phil_base.parameters import infos
 
     (choices,) = (info.choices for info in infos(Parameters) if info.name == "environment")
     assert choices == ENVIRONMENTS
-    text = (Path(__file__).parents[2] / "interfaces/msg/ImpedanceCommand.msg").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "interfaces/phil_interfaces/msg/ImpedanceCommand.msg").read_text(
+        encoding="utf-8"
+    )
     for number, name in enumerate(ENVIRONMENTS):
         assert f"ENVIRONMENT_{name.upper()} = {number} " in text

@@ -5,7 +5,7 @@ from impedance_loop import MassSpringDamper, MovingString, ride
 
 from impedance_mpc.controller import ImpedanceController
 from impedance_mpc.parameters import Parameters
-from phil_node.parameters import build, defaults
+from phil_base.parameters import build, defaults
 
 SCHEMES = {True: "integrated_with_correction", False: "integrated"}
 

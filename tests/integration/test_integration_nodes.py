@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from client import Client
 
-from phil_node.scheduling import ROLES, highest_priority
+from phil_base.scheduling import ROLES, highest_priority
 
 pytestmark = pytest.mark.integration
 

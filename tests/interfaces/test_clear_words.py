@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from energy_monitor.bag_channel import BagError
 from energy_monitor.bag_folder import open_source
 from energy_monitor.limits import LimitsError
-from phil_node.clear_words import ClearError, clear
-from phil_node.parameters import ParameterError
-from phil_node.yaml_file import MOST_ENTRIES, YamlError, parse_yaml
+from phil_base.clear_words import ClearError, clear
+from phil_base.parameters import ParameterError
+from phil_base.yaml_file import MOST_ENTRIES, YamlError, parse_yaml
 
 
 @given(st.text(max_size=3000))

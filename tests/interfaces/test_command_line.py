@@ -19,7 +19,7 @@ from bench.__main__ import arguments as bench
 from doctor.__main__ import arguments as doctor
 from faults.__main__ import arguments as faults
 from fuzz.__main__ import arguments as fuzz
-from phil_node.command_line import Parser, path, real, seconds, whole, write_json
+from phil_base.command_line import Parser, path, real, seconds, whole, write_json
 from ride.options import parse as ride
 from soak.options import parse as soak
 from validate.__main__ import arguments as validate

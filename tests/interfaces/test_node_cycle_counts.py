@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phil_node.cycle_counts import GAPS, CycleCounts
+from phil_base.cycle_counts import GAPS, CycleCounts
 from phil_node.timing import BATCH, Timing
 
 ORDERS = st.lists(st.integers(0, 30), max_size=60)

@@ -13,13 +13,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from phil_node import kernels
+from phil_base import kernels
 
 CALLEE = (
-    "from phil_node.kernels import njit\nFACTOR = {factor}\n\n\n@njit(cache=True)\ndef inner(x):\n    return {body}\n"
+    "from phil_base.kernels import njit\nFACTOR = {factor}\n\n\n@njit(cache=True)\ndef inner(x):\n    return {body}\n"
 )
 CALLER = """
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 from {package}.callee import inner, FACTOR
 
 
@@ -180,7 +180,7 @@ def test_kernels_of_other_packages_count(tmp_path: Path) -> None:
 
 def test_where_kernels_lie(tmp_path: Path) -> None:
     # In processes of their own: the place is found once. HOME in /proc cannot be made by anybody.
-    code = "from phil_node.kernels import _place; print(_place())"
+    code = "from phil_base.kernels import _place; print(_place())"
     found = {}
     for name, given in {
         "numba": {"NUMBA_CACHE_DIR": str(tmp_path / "n"), "PHIL_CACHE": str(tmp_path / "p")},

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import model_validator
 
-from phil_node.parameters import Group, ParameterError, build, config_file, infos, parameter, read_file, values_of
+from phil_base.parameters import Group, ParameterError, build, config_file, infos, parameter, read_file, values_of
 
 
 class Wire(Group):

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phil_node.guard import finite, finite_array, objection
+from phil_base.guard import finite, finite_array, objection
 from phil_node.timing import BATCH, KINDS, STUCK, Timing
 
 

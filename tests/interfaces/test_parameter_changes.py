@@ -10,10 +10,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
+from phil_base.parameters import nest, values_of
+from phil_base.yaml_file import dump_yaml
 from phil_node.base import PhilNode
 from phil_node.changes import UnknownParameterError
-from phil_node.parameters import nest, values_of
-from phil_node.yaml_file import dump_yaml
 from ride.settings import resolve
 
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.node import Node
 
-from phil_node.parameter_file import is_rclpys, read_parameter_file
-from phil_node.yaml_file import YamlError
+from phil_base.parameter_file import is_rclpys, read_parameter_file
+from phil_base.yaml_file import YamlError
 
 HEAD = "rig:\n  ros__parameters:\n"
 REFUSED = "refused"

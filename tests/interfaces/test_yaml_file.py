@@ -11,9 +11,9 @@ from rcl_interfaces.msg import ParameterType
 from rclpy.node import Node
 from rclpy.parameter import parameter_dict_from_yaml_file
 
-from phil_node.parameter_file import read_parameter_file
-from phil_node.parameters import nest
-from phil_node.yaml_file import YamlError, dump_yaml, parse_yaml, read_yaml
+from phil_base.parameter_file import read_parameter_file
+from phil_base.parameters import nest
+from phil_base.yaml_file import YamlError, dump_yaml, parse_yaml, read_yaml
 from ride.settings import NODES, resolve
 
 

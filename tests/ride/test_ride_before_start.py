@@ -10,7 +10,7 @@ from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from energy_monitor.limits import chosen
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import EnvironmentSwitch
-from phil_node.parameters import ParameterError, build
+from phil_base.parameters import ParameterError, build
 from ride.checks import notices
 from ride.command import carry_out
 from ride.options import parse

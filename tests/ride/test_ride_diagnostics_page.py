@@ -15,10 +15,15 @@ PAGE = ROOT / "docs" / "diagnostics.md"
 SAYING = {"Diagnosis", "add", "refuse", "retract", "error", "warning", "info", "_refuse", "_object", "_objects"}
 """Functions whose arguments are sentences, wherever they are called in a node's code."""
 SENTENCES = {
-    "interfaces/phil_node/base.py": ("_diagnosis", "_misses_clock", "_attempt", "_LifecycleNodeMixin__change_state"),
-    "interfaces/phil_node/timing.py": ("refuse",),
-    "interfaces/phil_node/guard.py": ("objection",),
-    "interfaces/phil_node/bounded_log.py": ("_line",),
+    "interfaces/phil_node/phil_node/base.py": (
+        "_diagnosis",
+        "_misses_clock",
+        "_attempt",
+        "_LifecycleNodeMixin__change_state",
+    ),
+    "interfaces/phil_node/phil_node/timing.py": ("refuse",),
+    "interfaces/phil_base/phil_base/guard.py": ("objection",),
+    "interfaces/phil_node/phil_node/bounded_log.py": ("_line",),
     "catenary_model/catenary_model/node.py": ("diagnose", "silence", "_on_command"),
     "catenary_model/catenary_model/sequence.py": ("judge", "objection"),
     "impedance_mpc/impedance_mpc/node.py": ("diagnose", "silence", "_receive_model", "_refuse", "_object"),
@@ -30,14 +35,14 @@ SENTENCES = {
     "energy_monitor/energy_monitor/audit.py": ("complaints", "_refuse"),
 }
 FIGURES = {
-    "interfaces/phil_node/base.py": ("_diagnosis",),
-    "interfaces/phil_node/timing.py": ("summary",),
-    "interfaces/phil_node/wires.py": ("figures",),
-    "interfaces/phil_node/real_time.py": ("apply", "_give"),
+    "interfaces/phil_node/phil_node/base.py": ("_diagnosis",),
+    "interfaces/phil_node/phil_node/timing.py": ("summary",),
+    "interfaces/phil_node/phil_node/wires.py": ("figures",),
+    "interfaces/phil_base/phil_base/real_time.py": ("apply", "_give"),
     **{f"{name}/{name}/node.py": ("diagnose",) for name in ("catenary_model", "impedance_mpc", "test_rig_sim")},
     "energy_monitor/energy_monitor/node.py": ("diagnose",),
 }
-CALLS = ("interfaces/phil_node/*.py", "energy_monitor/energy_monitor/[an]*.py")
+CALLS = ("interfaces/phil_node/phil_node/*.py", "energy_monitor/energy_monitor/[an]*.py")
 OF_SCRIPTS = ("command_line.py",)
 """Says what is wrong with a script's command line, on the terminal."""
 CALLS = (*CALLS, *(f"{name}/{name}/*.py" for name in ("catenary_model", "impedance_mpc", "test_rig_sim")))

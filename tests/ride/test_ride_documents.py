@@ -15,15 +15,15 @@ def test_the_parameter_page_is_current():
 
 
 def test_every_message_field_is_explained():
-    for path in sorted((ROOT / "interfaces" / "msg").glob("*.msg")):
+    for path in sorted((ROOT / "interfaces" / "phil_interfaces" / "msg").glob("*.msg")):
         for line in path.read_text().splitlines():
             if line and not line.startswith("#"):
                 assert "#" in line, f"{path.name}: {line}"
 
 
 def test_every_message_is_built_and_has_a_header_and_a_cycle():
-    listed = (ROOT / "interfaces" / "CMakeLists.txt").read_text()
-    for path in (ROOT / "interfaces" / "msg").glob("*.msg"):
+    listed = (ROOT / "interfaces" / "phil_interfaces" / "CMakeLists.txt").read_text()
+    for path in (ROOT / "interfaces" / "phil_interfaces" / "msg").glob("*.msg"):
         assert f'"msg/{path.name}"' in listed
         text = path.read_text()
         assert "std_msgs/Header header" in text and "uint64 cycle" in text

@@ -18,8 +18,8 @@ from catenary_model import line_file
 from energy_monitor import record
 from energy_monitor.report import cli
 from energy_monitor.topics import RECORDED
-from phil_node.parameters import infos
-from phil_node.yaml_file import parse_yaml
+from phil_base.parameters import infos
+from phil_base.yaml_file import parse_yaml
 from ride import options
 from ride.options import EXAMPLES, parse
 from ride.settings import NODES, resolve
@@ -168,7 +168,7 @@ def of_ros(words):
         package, kind, name = rest[1].split("/")
         assert kind == "srv"
         assert hasattr(importlib.import_module(f"{package}.srv"), name)
-        sources = [*SOURCES, *(ROOT / "interfaces" / "phil_node").glob("*.py")]
+        sources = [*SOURCES, *(ROOT / "interfaces").rglob("*.py")]
         texts = "\n".join(path.read_text() for path in sources)
         offered = re.findall(r"(?:serve|create_service)\((\w+), \"([^\"]+)\"", texts)
         assert (name, rest[0].removeprefix("/").replace("NODE/", "~/")) in offered

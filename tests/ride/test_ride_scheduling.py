@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phil_node import scheduling
-from phil_node.scheduling import (
+from phil_base import scheduling
+from phil_base.scheduling import (
     CYCLE,
     PRIORITY,
     ROLES,
@@ -105,9 +105,9 @@ def test_threads_stay_on_their_cpus_and_a_missing_one_is_said(children):
 
 ALL = """
 import os, threading
-from phil_node.real_time import RealTime, apply, set_thread
-from phil_node.parameters import defaults, build, nest
-from phil_node.memory import status_of
+from phil_base.real_time import RealTime, apply, set_thread
+from phil_base.parameters import defaults, build, nest
+from phil_base.memory import status_of
 values = {k.removeprefix("real_time."): v for k, v in defaults("test_rig_sim").items() if k.startswith("real_time.")}
 on, off, done = threading.Event(), threading.Event(), []
 def cycle(role):
@@ -167,7 +167,7 @@ def test_a_process_gets_what_it_may_and_says_the_rest(rights):
 
 LET_GO = """
 import os, subprocess, sys
-from phil_node.real_time import let_go
+from phil_base.real_time import let_go
 def see(process):
     return os.sched_getscheduler(process), len(os.sched_getaffinity(process))
 before = see(0)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from phil_node.parameters import infos
+from phil_base.parameters import infos
 from phil_node.surroundings import OF_TRANSPORTS, THIS_MACHINE
 from ride.settings import NODES
 
@@ -37,7 +37,7 @@ def test_every_live_parameter_that_is_listed_is_one() -> None:
 
 
 def test_every_service_is_listed() -> None:
-    base = (ROOT / "interfaces/phil_node/base.py").read_text()
+    base = (ROOT / "interfaces/phil_node/phil_node/base.py").read_text()
     served = [(node, name) for node in NODES for name in re.findall(r"\.serve\(\w+, \"([^\"]+)\"", sources(node))]
     served += [("NODE", name) for name in re.findall(r"create_service\(\w+, \"([^\"]+)\"", base)]
     assert len(served) >= 4

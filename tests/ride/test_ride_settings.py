@@ -9,7 +9,7 @@ import yaml
 
 from catenary_model.line import Line
 from catenary_model.line_file import dump_line, load_line
-from phil_node.parameters import ParameterError
+from phil_base.parameters import ParameterError
 from ride.folder import clear
 from ride.options import parse
 from ride.settings import NODES, line_text, pantograph_text, resolve, rig_names, write
@@ -154,7 +154,7 @@ def test_a_home_folder_is_understood(tmp_path, monkeypatch):
 
 
 def test_a_pantograph_file_is_kept_with_the_ride(tmp_path):
-    example = Path(__file__).parents[2] / "test_rig_sim" / "config" / "pantograph_en50318.yaml"
+    example = Path(__file__).parents[2] / "test_rig_sim" / "test_rig_sim" / "config" / "pantograph_en50318.yaml"
     mine, folder = tmp_path / "mine.yaml", tmp_path / "ride"
     mine.write_text(example.read_text())
     folder.mkdir()

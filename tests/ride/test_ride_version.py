@@ -10,13 +10,19 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = sorted(path.parent for path in ROOT.glob("*/package.xml"))
-VERSIONS = {path.name: ElementTree.parse(path / "package.xml").findtext("version") for path in PACKAGES}
+PACKAGES = sorted(path.parent for pattern in ("*", "interfaces/*") for path in ROOT.glob(f"{pattern}/package.xml"))
+VERSIONS = {
+    ElementTree.parse(path / "package.xml").findtext("name"): ElementTree.parse(path / "package.xml").findtext(
+        "version"
+    )
+    for path in PACKAGES
+}
 (VERSION,) = set(VERSIONS.values())
 
 
 def test_the_packages_are_those_of_the_workspace():
-    assert set(VERSIONS) == {"catenary_model", "energy_monitor", "impedance_mpc", "interfaces", "test_rig_sim"}
+    nodes = {"catenary_model", "energy_monitor", "impedance_mpc", "test_rig_sim"}
+    assert set(VERSIONS) == {*nodes, "phil_base", "phil_interfaces", "phil_loop", "phil_node"}
     assert re.fullmatch(r"\d+\.\d+\.\d+", VERSION)
 
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from phil_node.parameters import build, read_file
+from phil_base.parameters import build, read_file
 from test_rig_sim.parameters import Imperfections, Parameters
 
 sys.path.insert(0, str(Path(__file__).parent))  # for rig_rules
 
-DEFAULTS = Path(__file__).parents[2] / "test_rig_sim" / "config" / "test_rig_sim.yaml"
+DEFAULTS = Path(__file__).parents[2] / "test_rig_sim" / "test_rig_sim" / "config" / "test_rig_sim.yaml"
 
 Make = Callable[..., Parameters]
 

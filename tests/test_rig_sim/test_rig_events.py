@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phil_node.parameters import ParameterError
+from phil_base.parameters import ParameterError
 from test_rig_sim.car_body import CarBody, shaper
 from test_rig_sim.events import Change, Uplift, knock, pressure_share
 from test_rig_sim.loads import Loads

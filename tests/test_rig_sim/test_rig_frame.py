@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from phil_node.parameters import ParameterError
+from phil_base.parameters import ParameterError
 from test_rig_sim.mounting import mount
 from test_rig_sim.pantographs.frame import AMBIENT, Frame, air_spring, bellows_volume, end_stops, frame_force, friction
 from test_rig_sim.pantographs.motion import Pantograph, rate

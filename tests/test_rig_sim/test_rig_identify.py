@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from phil_node.parameters import read_file
+from phil_base.parameters import read_file
 from test_rig_sim.identify import identify, main, parameter_file, pt2_matrices, pt2_response, simulate_pt2
 
 ROOT = Path(__file__).parents[2]
-IDENTIFIED = ROOT / "impedance_mpc" / "config" / "identified"
+IDENTIFIED = ROOT / "impedance_mpc" / "impedance_mpc" / "config" / "identified"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0007, 0.002, 0.0053])
@@ -92,13 +92,13 @@ def test_shipped_files_are_what_the_identification_finds(
 
 def test_the_controller_s_default_is_the_nominal_rig() -> None:
     wanted = read_file(IDENTIFIED / "nominal.yaml")["impedance_mpc"]
-    defaults = read_file(ROOT / "impedance_mpc" / "config" / "impedance_mpc.yaml")["impedance_mpc"]
+    defaults = read_file(ROOT / "impedance_mpc" / "impedance_mpc" / "config" / "impedance_mpc.yaml")["impedance_mpc"]
     assert {key: defaults[key] for key in wanted} == wanted
 
 
 def test_command_writes_a_parameter_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "mine.yaml"
-    rig = ROOT / "test_rig_sim" / "config" / "rigs" / "ideal.yaml"
+    rig = ROOT / "test_rig_sim" / "test_rig_sim" / "config" / "rigs" / "ideal.yaml"
     assert main([str(rig), "--out", str(out)]) == 0
     assert out.read_text() == capsys.readouterr().out
     assert "Rig: ideal" in out.read_text()

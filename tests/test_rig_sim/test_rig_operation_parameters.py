@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from phil_node.parameters import ParameterError
+from phil_base.parameters import ParameterError
 from test_rig_sim.operation import available_acceleration, rules, supervisor_for
 from test_rig_sim.rig import Rig
 from test_rig_sim.supervisor import Mode

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from phil_node.parameters import ParameterError
+from phil_base.parameters import ParameterError
 from test_rig_sim.pantographs.chain import chain
 from test_rig_sim.pantographs.frame import Frame
 from test_rig_sim.pantographs.linear_file import PantographFileError, read_pantograph

@@ -267,7 +267,12 @@ def test_contact_lost_and_found_is_symmetric_in_time() -> None:
 
 def test_the_example_s_polynomials_are_those_of_its_masses() -> None:
     # The example is what docs/pantographs.md explains; its polynomials are derived here once more.
-    text = Path(__file__).parents[2].joinpath("test_rig_sim", "config", "pantograph_en50318.yaml").read_text()
+    text = (
+        Path(__file__)
+        .parents[2]
+        .joinpath("test_rig_sim", "test_rig_sim", "config", "pantograph_en50318.yaml")
+        .read_text()
+    )
     frame, head_, link = np.poly1d([15.0, 100.0, 4250.0]), np.poly1d([7.2, 10.0, 4200.0]), np.poly1d([10.0, 4200.0])
     denominator = (frame * head_ - link * link).coeffs
     base = (np.poly1d([90.0, 50.0]) * link).coeffs

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from phil_node.parameters import ParameterError, infos, read_file
+from phil_base.parameters import ParameterError, infos, read_file
 from test_rig_sim.pantographs import PANTOGRAPHS
 from test_rig_sim.parameters import Imperfections, Parameters
 from test_rig_sim.rig import Rig
@@ -65,7 +65,7 @@ def test_the_nominal_rig_is_the_one_of_the_defaults(rig_parameters: Any, rig_nam
 
 def test_the_rigs_speak_of_the_same_parameters() -> None:
     # An overlay that left out what another one changes would not be a whole rig.
-    rigs = Path(__file__).parents[2] / "test_rig_sim" / "config" / "rigs"
+    rigs = Path(__file__).parents[2] / "test_rig_sim" / "test_rig_sim" / "config" / "rigs"
     nominal, harsh = (set(read_file(rigs / f"{name}.yaml")["test_rig_sim"]) for name in ("nominal", "harsh"))
     assert nominal == harsh
     ideal = read_file(rigs / "ideal.yaml")["test_rig_sim"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from phil_node.parameters import build
+from phil_base.parameters import build
 from test_rig_sim.identify import identify
 from test_rig_sim.mounting import mount
 from test_rig_sim.pantographs.motion import head_position

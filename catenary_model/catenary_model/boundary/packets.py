@@ -18,7 +18,7 @@ from catenary_model.boundary.control_design.dispersion import continuous_wave_nu
 from catenary_model.boundary.layer import AHEAD, BEHIND, Feedback, Layer
 from catenary_model.line import Wire
 from catenary_model.moving_frame import MovingFrame
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from catenary_model.coupled import note
 from catenary_model.finite_difference import step
 from catenary_model.finite_difference.layout import Constants, State
 from catenary_model.step import book
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 

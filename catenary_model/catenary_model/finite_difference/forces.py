@@ -44,7 +44,7 @@ from catenary_model.layout import (
     Ints,
     X,
 )
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from catenary_model.arena import five, one, three, two
 from catenary_model.layout import Array, Ints
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 # entries of Constants.real beyond those of `catenary_model.layout`; BEHIND and AHEAD are where sites begin and end
 ORIGIN = 11

@@ -38,7 +38,7 @@ from catenary_model.layout import (
     Ints,
 )
 from catenary_model.step import book, hold
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from catenary_model.layout import Array
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 PADDING = 8
 """Zeros after the nodes of a wire, so that sums of seven terms may run over the end."""

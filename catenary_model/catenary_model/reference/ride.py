@@ -11,7 +11,7 @@ from catenary_model import pantograph
 from catenary_model.reference import step
 from catenary_model.reference.links import Links
 from catenary_model.reference.wires import Wires
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -20,7 +20,7 @@ from catenary_model.elements import shape_functions
 from catenary_model.reference import wires
 from catenary_model.reference.links import Links
 from catenary_model.reference.wires import BETA, GAMMA, TS, Wires
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from catenary_model.line import Line
 from catenary_model.reference.factor import factor, mass_stencil
 from catenary_model.reference.mesh import TrackMesh
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from phil_node.command_line import MOST_DIGITS, UNUSABLE, Parser, path, seconds
+from phil_base.command_line import MOST_DIGITS, UNUSABLE, Parser, path, seconds
 
 OK, FAILED, INTERRUPTED = 0, 1, 130
 

@@ -9,9 +9,9 @@ from typing import Any
 from energy_monitor.bag import Bag
 from energy_monitor.parameters import Parameters
 from energy_monitor.topics import NODES, RIG_STATE
-from phil_node.parameter_file import read_parameter_file
-from phil_node.parameters import ParameterError, build, defaults, infos
-from phil_node.yaml_file import YamlError
+from phil_base.parameter_file import read_parameter_file
+from phil_base.parameters import ParameterError, build, defaults, infos
+from phil_base.yaml_file import YamlError
 
 Values = Mapping[str, Mapping[str, Any]]
 

@@ -14,8 +14,8 @@ from energy_monitor.contact_quality import ContactStatistics
 from energy_monitor.limits import LimitsError
 from energy_monitor.report.alignment import Aligned
 from energy_monitor.report.results import TRUTH, Agreement, Conservation, ContactForce, Tracking, Verdict
-from phil_node.parameters import config_file
-from phil_node.yaml_file import YamlError, read_yaml
+from phil_base.parameters import config_file
+from phil_base.yaml_file import YamlError, read_yaml
 
 __all__ = ["Limits", "LimitsError", "judge", "read_limits"]
 

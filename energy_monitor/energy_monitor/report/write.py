@@ -20,8 +20,8 @@ from energy_monitor.report.document import document_text, write_document
 from energy_monitor.report.results import Report
 from energy_monitor.report.ride_parameters import parameters_of
 from energy_monitor.report.verdicts import STANDARD, Limits, read_limits
-from phil_node.clear_words import clear
-from phil_node.parameters import ParameterError, defaults
+from phil_base.clear_words import clear
+from phil_base.parameters import ParameterError, defaults
 
 SOFTWARE = ("numpy", "scipy", "numba", "daqp", "rosbags", "matplotlib", "jinja2", "pydantic")
 

@@ -11,8 +11,9 @@ from pathlib import Path
 
 from bench.realtime.options import WrongUse
 from bench.realtime.session import Build
-from ride.options import ROOT
+from phil_base.workspace import workspace
 
+ROOT = workspace()
 ENVIRONMENTS = (".venv", ".venv-ros")
 PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH")
 MARKS = ("VIRTUAL_ENV", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")

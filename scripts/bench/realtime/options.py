@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 
-from phil_node.command_line import real, whole
+from phil_base.command_line import real, whole
 
 RATES = (50.0, 5000.0)
 """Hz, lowest and highest rate: what the nodes' parameter `cycle_time` allows, and where nothing is left of a cycle."""

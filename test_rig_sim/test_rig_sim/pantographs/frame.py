@@ -15,7 +15,7 @@ Every law acts on the frame's body (upwards positive), and each one is switched 
 import math
 from typing import NamedTuple
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 
 AMBIENT = 101325.0
 """Pressure around the bellows, Pa."""

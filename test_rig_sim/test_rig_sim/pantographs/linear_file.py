@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from phil_node.clear_words import ClearError
-from phil_node.yaml_file import YamlError, read_yaml
+from phil_base.clear_words import ClearError
+from phil_base.yaml_file import YamlError, read_yaml
 from test_rig_sim.pantographs.linear import MAX_STATES, ROUNDING, linear_pantograph, realise
 from test_rig_sim.pantographs.motion import CONTACT, LIFT, Pantograph
 

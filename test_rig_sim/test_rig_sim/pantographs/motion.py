@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from phil_node.kernels import njit
+from phil_base.kernels import njit
 from test_rig_sim.pantographs.frame import Frame, frame_force
 
 Array = npt.NDArray[np.float64]

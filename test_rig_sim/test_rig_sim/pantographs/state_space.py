@@ -1,6 +1,6 @@
 """A pantograph that is given by a file: transfer functions, or matrices of a state-space model."""
 
-from phil_node.parameters import config_file
+from phil_base.parameters import config_file
 from test_rig_sim.pantographs.linear_file import read_pantograph
 from test_rig_sim.pantographs.motion import Pantograph
 from test_rig_sim.pantographs.options import STANDARD, Options

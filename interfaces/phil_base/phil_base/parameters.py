@@ -10,15 +10,16 @@ import difflib
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from phil_node.clear_words import ClearError
-from phil_node.parameter_file import read_parameter_file
-from phil_node.yaml_file import YamlError
+from phil_base.clear_words import ClearError
+from phil_base.parameter_file import read_parameter_file
+from phil_base.yaml_file import YamlError
 
 G = TypeVar("G", bound="Group")
 
@@ -199,27 +200,21 @@ def read_file(path: Path | str) -> dict[str, dict[str, Any]]:
 
 
 def defaults(package: str) -> dict[str, Any]:
-    """Read the flat default values of a node from ``config/PACKAGE.yaml``, installed or in the source tree."""
+    """Read the flat default values of a node from its package's ``config/PACKAGE.yaml``."""
     return read_file(config_file(package, f"{package}.yaml"))[package]
 
 
 def config_file(package: str, name: str) -> Path:
-    """Find a file of a package's ``config`` folder: in the installed share folder, else beside the source.
+    """Find a file of a package's ``config`` folder, which lies beside its modules, installed or not.
 
     Raises
     ------
     ParameterError
-        Neither has it.
+        The package is not there, or has no such file.
     """
-    candidates = []
-    try:
-        from ament_index_python.packages import get_package_share_directory
-
-        candidates.append(Path(get_package_share_directory(package)) / "config" / name)
-    except (ImportError, LookupError, OSError):  # no ROS, not installed, or nothing sourced
-        pass
-    candidates.append(Path(__file__).resolve().parents[2] / package / "config" / name)
-    for path in candidates:
+    spec = find_spec(package)
+    for folder in (spec.submodule_search_locations or []) if spec else []:
+        path = Path(folder) / "config" / name
         if path.is_file():
             return path
     raise ParameterError(f"{package}: config/{name} not found (is the workspace built and sourced?)")

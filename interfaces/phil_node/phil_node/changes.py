@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 
-from phil_node.parameter_file import is_rclpys
-from phil_node.parameters import Group, Info, build, infos, nearest, values_of
-from phil_node.yaml_file import YamlError, parse_yaml
+from phil_base.parameter_file import is_rclpys
+from phil_base.parameters import Group, Info, build, infos, nearest, values_of
+from phil_base.yaml_file import YamlError, parse_yaml
 
 P = TypeVar("P", bound=Group)
 

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from pydantic import field_validator
 
-from phil_node import memory
-from phil_node.parameters import Group, parameter
-from phil_node.scheduling import (
+from phil_base import memory
+from phil_base.parameters import Group, parameter
+from phil_base.scheduling import (
     CYCLE,
     IN_CYCLE,
     IN_PYTHON,

@@ -16,10 +16,10 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from phil_node.clear_words import clear
+from phil_base.clear_words import clear
+from phil_base.parameters import ParameterError
 from phil_node.executor import LONG, events_executor
 from phil_node.instance import AlreadyRunning, claim
-from phil_node.parameters import ParameterError
 from phil_node.shared_memory import remove_litter
 from phil_node.signals import Ending
 from phil_node.topics import TopicsProcess

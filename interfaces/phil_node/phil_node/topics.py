@@ -82,7 +82,7 @@ class TopicsProcess:
         self._start()
 
     def _start(self) -> None:
-        from phil_node.real_time import let_go  # with all of its parameters: nothing that the process itself needs
+        from phil_base.real_time import let_go  # with all of its parameters: nothing that the process itself needs
 
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:

@@ -2,7 +2,7 @@
 
 Lines, tables of limits, pantographs and values of the command line are read by the core schema of YAML 1.2: 010 is ten,
 0o10 eight, 1e-3 and .5 are numbers; 1:30, 1_000, yes and off are texts. A key that stands twice is an error. (Parameter
-files are not ours: ROS says what they mean, see `phil_node.parameter_file`.)
+files are not ours: ROS says what they mean, see `phil_base.parameter_file`.)
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ try:
 except ImportError:  # PyYAML without libyaml
     from yaml import SafeLoader  # type: ignore[assignment]
 
-from phil_node.clear_words import ClearError
+from phil_base.clear_words import ClearError
 
 __all__ = ["TAG", "SafeLoader", "YamlError", "dump_yaml", "parse_yaml", "plain_value", "read_yaml"]
 
@@ -220,7 +220,7 @@ def _write_float(dumper: yaml.SafeDumper, value: float) -> yaml.Node:
 
 
 def _write_text(dumper: yaml.SafeDumper, value: str) -> yaml.Node:
-    from phil_node.parameter_file import ros_value
+    from phil_base.parameter_file import ros_value
 
     plain = isinstance(plain_value(value), str) and isinstance(ros_value(value), str)
     return dumper.represent_scalar(f"{TAG}str", value, style=None if plain else '"')

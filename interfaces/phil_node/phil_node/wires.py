@@ -13,12 +13,12 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
+from phil_base.scheduling import IN_CYCLE
 from phil_node.cycle_thread import CycleThread
 from phil_node.link import Inlet, Outlet, address
 from phil_node.outbox import Outbox, Topic
 from phil_node.paths import CycleReceiver, CycleSender, Follower, Receiver, Sender
 from phil_node.qos import NO_PUBLISHER_EVENTS, NO_SUBSCRIPTION_EVENTS
-from phil_node.scheduling import IN_CYCLE
 from phil_node.topics import NAMESAKES, TopicsProcess
 
 R = TypeVar("R", bound=Receiver)

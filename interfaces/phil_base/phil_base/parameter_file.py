@@ -20,7 +20,7 @@ from typing import Any
 
 import yaml
 
-from phil_node.yaml_file import TAG, SafeLoader, YamlError, plain_value
+from phil_base.yaml_file import TAG, SafeLoader, YamlError, plain_value
 
 KEY = "ros__parameters"
 SCALARS, LISTS = ("bool", "int", "float", "str"), ("bools", "ints", "floats", "strs")

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path, PurePath
 from typing import NoReturn
 
-from phil_node.clear_words import clear
+from phil_base.clear_words import clear
 
 UNUSABLE = 2
 """Exit code for a command line or an input that cannot be used."""

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-from phil_node.parameter_file import is_rclpys
-from phil_node.parameters import Group, Info, build, infos, values_of
+from phil_base.parameter_file import is_rclpys
+from phil_base.parameters import Group, Info, build, infos, values_of
 
 G = TypeVar("G", bound=Group)
 

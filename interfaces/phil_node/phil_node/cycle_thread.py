@@ -10,7 +10,7 @@ from contextlib import suppress
 from time import monotonic
 from typing import Any
 
-from phil_node.real_time import set_thread
+from phil_base.real_time import set_thread
 
 IDLE = 0.25
 """Time in s from one look for peers that have come to the next."""

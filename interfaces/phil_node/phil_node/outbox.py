@@ -9,9 +9,9 @@ from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 
+from phil_base.real_time import set_thread
 from phil_node.link import Message, Outlet, Peer, batches
 from phil_node.publish import publish_bytes
-from phil_node.real_time import set_thread
 from phil_node.topics import TopicsProcess
 
 PORTION = 100

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from phil_node.cycle_counts import CycleCounts
+from phil_base.cycle_counts import CycleCounts
 
 BATCH = 50
 """Cycles in one CycleTiming message: ten messages a second at 500 Hz."""

@@ -8,7 +8,7 @@ import os
 import resource
 from pathlib import Path
 
-from phil_node.scheduling import Answer
+from phil_base.scheduling import Answer
 
 MIB = 1 << 20
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4

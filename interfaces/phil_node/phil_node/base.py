@@ -19,19 +19,19 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from phil_base.parameters import Group, ParameterError, defaults, infos, values_of
+from phil_base.real_time import FIFO, Granted, apply, set_thread
+from phil_base.scheduling import CYCLE as CYCLE_PRIORITY
+from phil_base.scheduling import IN_CYCLE, priority_of
 from phil_node.answers import Answers
 from phil_node.bounded_log import BoundedLog
 from phil_node.changes import as_declared, fixed_while_active, merged
 from phil_node.cycle_thread import CycleTimer
 from phil_node.declare import declare
 from phil_node.diagnosis import ERROR, LOOK, OK, STALE, WARN, Diagnosis, Reporter
-from phil_node.parameters import Group, ParameterError, defaults, infos, values_of
 from phil_node.paths import CycleReceiver, CycleSender, Follower, Sender
 from phil_node.process import RCLError, leave, run
 from phil_node.qos import CYCLE
-from phil_node.real_time import FIFO, Granted, apply, set_thread
-from phil_node.scheduling import CYCLE as CYCLE_PRIORITY
-from phil_node.scheduling import IN_CYCLE, priority_of
 from phil_node.timing import Timing
 from phil_node.wires import Wires
 

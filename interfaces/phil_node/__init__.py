@@ -1,1 +1,0 @@
-"""What every node of the rig shares: parameters, QoS profiles, message guards, timing, kernels, the lifecycle base."""
