@@ -29,6 +29,22 @@ class Books:
     _last: tuple[float, float, float, float] | None = None
 
     @property
+    def totals(self) -> tuple[float, ...]:
+        """All that was summed up, in the order of the fields."""
+        return (
+            self.e_tr,
+            self.e_cat,
+            self.p_tr,
+            self.p_cat,
+            self.work_tr,
+            self.work_cat,
+            self.impulse_tr,
+            self.impulse_cat,
+            self.exchanged_energy,
+            self.exchanged_momentum,
+        )
+
+    @property
     def delta_e(self) -> float:
         """Energy error dE = E_tr - E_cat in J, eq. (3.46)."""
         return self.e_tr - self.e_cat

@@ -17,7 +17,7 @@ from impedance_mpc.forecast import ForecastRule
 from impedance_mpc.parameters import CASCADED, CORRECTED, Parameters
 from impedance_mpc.plant import Array, Impedance, pt2_rig
 from impedance_mpc.predict import predict
-from impedance_mpc.solver import FAILED, Solver, solver_of
+from impedance_mpc.solver import FAILED, Solver, SolverMaker, solver_of
 
 FALLBACK = 2
 """Status of a command that was taken from the plan of the cycle before."""
@@ -70,12 +70,22 @@ class Command:
     fallbacks: int = 0
 
 
+class Problem(NamedTuple):
+    """Quadratic program of one cycle (3.56), views that the next cycle overwrites; Hessian and rows are `qp`'s."""
+
+    gradient: Array  # (2 Nc,)
+    lower: Array  # (rows,)
+    upper: Array  # (rows,)
+    box_lower: Array  # (2 Nc,)
+    box_upper: Array  # (2 Nc,)
+
+
 class ImpedanceController:
     """Impedance controller of thesis 3.2.3 for a rig with PT2 position loop and a linear environment.
 
     ``config`` gives horizons, weights, limits, forecast and correction; ``model`` is the reduced environment (3.1.9)
     with step Ts. Construction designs everything; :meth:`command` is one cycle. ``books`` may be shared with another
-    controller that takes turns with this one.
+    controller that takes turns with this one; ``solver`` makes what solves the programs.
 
     Raises
     ------
@@ -83,7 +93,9 @@ class ImpedanceController:
         The step of ``model`` is not ``cycle_time``, or the design is impossible.
     """
 
-    def __init__(self, config: Parameters, model: Impedance, books: Books | None = None) -> None:
+    def __init__(
+        self, config: Parameters, model: Impedance, books: Books | None = None, solver: SolverMaker = solver_of
+    ) -> None:
         ts = config.cycle_time
         if abs(model.ts - ts) > 1e-9:
             raise ValueError(f"'cycle_time' = {ts} s is not the impedance model's step of {model.ts} s")
@@ -104,7 +116,7 @@ class ImpedanceController:
         self.program = program(
             predict(rig, model, config.prediction_horizon, n_c), weights, n_c, config.constraint_stride
         )
-        self.qp: Solver = solver_of(
+        self.qp: Solver = solver(
             config.solver,
             self.program.hessian,
             self.program.rows,
@@ -169,6 +181,12 @@ class ImpedanceController:
         self.result.fallbacks = other.result.fallbacks
         self.books.forget()
         self.rejoin()
+
+    @property
+    def problem(self) -> Problem:
+        """The quadratic program behind the last command; the cascaded control solves none."""
+        work = self._work
+        return Problem(work.g, work.lower, work.upper, self._box_lower, self._box_upper)
 
     @property
     def plan(self) -> tuple[Array, Array]:

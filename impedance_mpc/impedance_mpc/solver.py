@@ -44,6 +44,22 @@ class Solver(Protocol):
         """Forget all earlier solutions."""
 
 
+class SolverMaker(Protocol):
+    """What makes a solver from its name, Hessian, rows, tolerance, iterations and softness: :func:`solver_of`."""
+
+    def __call__(
+        self,
+        name: str,
+        hessian: Array,
+        rows: Array,
+        tolerance: float,
+        iterations: int,
+        softness: Array | None = None,
+        /,
+    ) -> Solver:
+        """Give the solver."""
+
+
 def solver_of(
     name: str, hessian: Array, rows: Array, tolerance: float, iterations: int, softness: Array | None = None
 ) -> Solver:

@@ -1,4 +1,4 @@
-"""What has to fit together before a ride starts, and what is worth a word although it may be meant."""
+"""What of a ride's parameters is worth a word before it starts, although it may be meant."""
 
 from __future__ import annotations
 
@@ -6,61 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from catenary_model.build import reduced_of
-from catenary_model.parameters import Parameters as CatenaryParameters
-from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
-from impedance_mpc.parameters import Parameters as ControllerParameters
-from impedance_mpc.plant import Impedance
-from impedance_mpc.switching import simulated_environments
-from phil_base.parameter_file import reaches, read_parameter_file
-from phil_base.parameters import Group, ParameterError
+from phil_base.parameter_file import read_parameter_file
+from phil_loop.builds import check_builds
+from phil_loop.resolution import files_of, nodes_of
+
+__all__ = ["LISTENERS", "REST_OF_DELAY", "check_builds", "notices"]
 
 LISTENERS = ("impedance_mpc", "energy_monitor")
 """Nodes of a ride that listen to the rig's state; its recorder is counted by the ride itself."""
 REST_OF_DELAY = 0.002
 """s, dead time that a rig's position loop has beyond whole cycles: the identified rigs have up to 1.04 ms."""
-
-
-def nodes_of(pattern: str, nodes: tuple[str, ...]) -> tuple[str, ...]:
-    """Give the nodes that an entry of a parameter file reaches: by name, or by wildcards."""
-    return tuple(name for name in nodes if reaches("/" + pattern.lstrip("/"), f"/{name}"))
-
-
-def check_builds(groups: Mapping[str, Group]) -> None:
-    """Refuse what a node would refuse only when it is configured.
-
-    Raises
-    ------
-    ParameterError
-        One line a problem, with the node.
-    """
-    problems = []
-    for name, group in groups.items():
-        try:
-            group.check_build()
-        except ValueError as error:
-            problems += [f"{name}: {line}" for line in str(error).splitlines()]
-    catenary, controller = groups.get("catenary_model"), groups.get("impedance_mpc")
-    if not problems and isinstance(catenary, CatenaryParameters) and isinstance(controller, ControllerParameters):
-        try:
-            _check_controller(catenary, controller)
-        except ValueError as error:
-            problems.append(f"impedance_mpc: {error}")
-    if problems:
-        raise ParameterError("\n".join(problems))
-
-
-def _check_controller(catenary: CatenaryParameters, controller: ControllerParameters) -> None:
-    """Try what the controller makes of the catenary's reduced model."""
-    config = catenary.config()
-    reduced, ts = reduced_of(config), config.cycle_time
-    model = Impedance(reduced.M, reduced.D, reduced.K, reduced.b, reduced.b, ts, NEWMARK_BETA, NEWMARK_GAMMA)
-    simulated_environments(controller, model)
-
-
-def files_of(params: Path | Sequence[Path] | None) -> tuple[Path, ...]:
-    """Give the parameter files as a tuple: one, several or none."""
-    return (params,) if isinstance(params, Path) else tuple(params or ())
 
 
 def notices(params: Path | Sequence[Path] | None, settings: Mapping[str, Mapping[str, Any]]) -> list[str]:

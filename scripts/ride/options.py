@@ -11,17 +11,7 @@ from typing import Any
 
 from phil_base.command_line import Parser, path, real, whole
 from phil_base.workspace import workspace
-
-SHORTCUTS = {
-    "speed_kmh": ("catenary_model", "speed_kmh"),
-    "line": ("catenary_model", "line"),
-    "discretisation": ("catenary_model", "discretisation"),
-    "duration": ("test_rig_sim", "duration"),
-    "mode": ("test_rig_sim", "mode"),
-    "pantograph": ("test_rig_sim", "pantograph"),
-    "seed": ("test_rig_sim", "seed"),
-}
-"""Options that are nothing but parameters of a node."""
+from phil_loop.shortcuts import SHORTCUTS
 
 EXAMPLES = (
     "scripts/run.sh",

@@ -1,5 +1,7 @@
 """Operation of the rig from its parameters: checks what belongs together, and builds the supervisor."""
 
+import math
+import sys
 from typing import TYPE_CHECKING
 
 from test_rig_sim import trajectory
@@ -95,3 +97,20 @@ def rules(p: "Parameters", loop: InnerLoop) -> Rules:
 def supervisor_for(p: "Parameters", found: Rules, reference: float = 0.0) -> Supervisor:
     """Return a supervisor at cycle 0 of a drive that stands at reference (m)."""
     return Supervisor(found, p.operating_mode, reference, touching=p.start == "in_contact")
+
+
+def unlimited(found: Rules) -> Rules:
+    """Return the rules of a drive that follows each command as it is, for studies of what limits would have done."""
+    limits = Limits(
+        position=math.inf,
+        speed=math.inf,
+        force=math.inf,
+        current=math.inf,
+        reference_step=math.inf,
+        trip_position=math.inf,
+        trip_speed=math.inf,
+        trip_force=math.inf,
+        trip_saturation=sys.maxsize,
+        thermal_time=found.limits.thermal_time,
+    )
+    return found._replace(limits=limits, entry_cycles=0)

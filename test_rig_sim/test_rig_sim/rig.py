@@ -136,6 +136,11 @@ class Rig:
         self.memory.signals[step.REFERENCE] = accepted
 
     @property
+    def signals(self) -> Array:
+        """What the rig shows at the present cycle, in the order of `RigSample`, (14,); `advance` overwrites it."""
+        return self.memory.signals
+
+    @property
     def state(self) -> RigSample:
         """What the rig shows at the present cycle."""
         s = self.memory.signals.tolist()
