@@ -33,6 +33,7 @@ from energy_monitor.report.results import (
 )
 from energy_monitor.report.verdicts import Limits, judge
 from energy_monitor.report.wall_clock import WallTime, leap_of_stamps, wall_time
+from phil_base import enumerations
 
 Floats = NDArray[np.float64]
 
@@ -261,7 +262,7 @@ def correction(aligned: Aligned) -> Correction:
     """Tell how much the correction force did, and how often a bound held it (within a thousandth of a newton)."""
     force, low, high = (aligned.command.real(name) for name in ("f_cor", "f_cor_lower", "f_cor_upper"))
     near = 1e-3
-    active = aligned.command["correction"] != nodes.CORRECTION.index("off")
+    active = aligned.command["correction"] != enumerations.Correction.OFF
     held = active & ((force <= low + near) | (force >= high - near))
     return Correction(
         rms=rms(force),
@@ -269,7 +270,7 @@ def correction(aligned: Aligned) -> Correction:
         largest=float(np.abs(force).max()),
         at_bounds_share=float(held.mean()),
         forced_share=float((active & ((low > near) | (high < -near))).mean()),
-        modes=nodes.counts(aligned.command["correction"], nodes.CORRECTION),
+        modes=nodes.counts(aligned.command["correction"], enumerations.Correction),
     )
 
 

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from energy_monitor.agreement import Agreement, Entry, SampleTrace, Tolerance
-from energy_monitor.books import CATENARY as OF_CATENARY
-from energy_monitor.books import FOLLOWING, Books, Meters
+from energy_monitor.books import Books, Meters
 from energy_monitor.contact_quality import ContactQuality
 from energy_monitor.cycles import AHEAD, Arrival, CycleMatcher, JumpFilter
 from energy_monitor.parameters import Parameters
+from phil_base.enumerations import FOLLOWING, EnvironmentKind
 
 RIG, COMMAND, CATENARY = 0, 1, 2
 STREAMS = ("rig", "command", "catenary")
@@ -28,7 +28,7 @@ RESTART = 64
 
 
 class RigSample(NamedTuple):
-    """What the audit needs of RigState k: ``header`` has the stamp t_k, ``mode`` is one of RigState's constants."""
+    """What the audit needs of RigState k: ``header`` has the stamp t_k, ``mode`` a :class:`Mode`."""
 
     header: Any
     f_tr: float  # N
@@ -39,7 +39,7 @@ class RigSample(NamedTuple):
 
 
 class CommandSample(NamedTuple):
-    """What the audit needs of ImpedanceCommand k: forces in N, ``environment`` is one of its constants."""
+    """What the audit needs of ImpedanceCommand k: forces in N, ``environment`` an :class:`EnvironmentKind`."""
 
     f_tr: float
     f_predicted: float
@@ -203,7 +203,7 @@ class Audit:
             rig: RigSample = matcher.payload(RIG, cycle)
             command: CommandSample = matcher.payload(COMMAND, cycle)
             catenary: CatenarySample = matcher.payload(CATENARY, cycle)
-            of_catenary = command.environment == OF_CATENARY
+            of_catenary = command.environment == EnvironmentKind.CATENARY
             counted = of_catenary and rig.mode in FOLLOWING
             if counted:
                 self.books.add(rig.f_tr, rig.v_tr, catenary.f_cat, catenary.v_cat)

@@ -21,11 +21,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-FOLLOWING = (1, 2, 3)
-"""Modes of RigState in which the drive follows commands: tracking, bridging, holding."""
-CATENARY = 0
-"""Environment of ImpedanceCommand of which the books are kept."""
-
 
 class Meters(NamedTuple):
     """What rig and catenary have accumulated until t_k, since their cycle 0."""

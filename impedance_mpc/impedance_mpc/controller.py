@@ -18,9 +18,7 @@ from impedance_mpc.parameters import CASCADED, CORRECTED, Parameters
 from impedance_mpc.plant import Array, Impedance, pt2_rig
 from impedance_mpc.predict import predict
 from impedance_mpc.solver import FAILED, Solver, SolverMaker, solver_of
-
-FALLBACK = 2
-"""Status of a command that was taken from the plan of the cycle before."""
+from phil_base.enumerations import Correction, SolverStatus
 
 
 class RigReading(NamedTuple):
@@ -50,10 +48,10 @@ class EnvironmentReading(NamedTuple):
 
 @dataclass
 class Command:
-    """Command of one cycle: references in m, forces in N; ``correction`` is a case of :mod:`.correction`.
+    """Command of one cycle: references in m, forces in N; ``correction`` is a case of :class:`Correction`.
 
-    ``f_cat`` = ``f_predicted`` + ``f_cor`` (3.45) is the force on the environment at t_(k+1). ``status`` is SOLVED (0)
-    or FALLBACK (2), ``fallbacks`` counts the latter since the reset.
+    ``f_cat`` = ``f_predicted`` + ``f_cor`` (3.45) is the force on the environment at t_(k+1). ``status`` is a
+    :class:`SolverStatus`, ``fallbacks`` counts its FALLBACK since the reset.
     """
 
     u_tr: float = 0.0
@@ -64,8 +62,8 @@ class Command:
     f_cat: float = 0.0
     f_cor_lower: float = 0.0
     f_cor_upper: float = 0.0
-    correction: int = correction.OFF
-    status: int = 0
+    correction: int = Correction.OFF
+    status: int = SolverStatus.SOLVED
     iterations: int = 0
     fallbacks: int = 0
 
@@ -255,7 +253,7 @@ class ImpedanceController:
             low = max(low, min(0.0, -predicted))
             high = max(high, low)
         else:
-            low, high, case = 0.0, 0.0, correction.OFF
+            low, high, case = 0.0, 0.0, Correction.OFF
         self._box_lower[n_c:] = low
         self._box_upper[n_c:] = high
 
@@ -265,7 +263,7 @@ class ImpedanceController:
             # The plan of the cycle before, one cycle on; its last entry is held.
             plan[: n_c - 1] = plan[1:n_c].copy()
             plan[n_c:-1] = plan[n_c + 1 :].copy()
-            status = FALLBACK
+            status = SolverStatus.FALLBACK
             self.result.fallbacks += 1
         else:
             plan[:] = self.qp.z
@@ -293,7 +291,7 @@ class ImpedanceController:
         self._plan[self._n_c :] = 0.0
         self._work.now[prepare.F_COR] = 0.0
         self.result.iterations = 0
-        return self._answer(u_tr, u_next, rig.f_tr, rig.f_tr, 0.0, (0.0, 0.0, correction.OFF), 0)
+        return self._answer(u_tr, u_next, rig.f_tr, rig.f_tr, 0.0, (0.0, 0.0, Correction.OFF), SolverStatus.SOLVED)
 
     def _answer(
         self,

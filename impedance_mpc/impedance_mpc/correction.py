@@ -21,18 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-OFF = 0
-"""Correction force switched off."""
-ACTIVE = 1
-"""Bounds of (3.49) are enforced as they are."""
-CAPPED = 2
-"""Bounds of (3.49) were cut by the cap or the rate limit."""
-PROJECTED = 3
-"""Bounds of (3.49) and what cap and rate limit allow do not meet: the nearest end of the latter is used."""
-DEAD_ZONE = 4
-"""The wire is too slow for the force to move energy: the force is free within cap and rate limit."""
-SETTLED = 5
-"""The energy error is within its tolerance: the force is free within cap and rate limit, to work off momentum."""
+from phil_base.enumerations import Correction
 
 
 @dataclass(frozen=True)
@@ -81,7 +70,7 @@ def decay_interval(
 
 def bounds(
     rule: CorrectionRule, delta_e: float, v_cat: float, v_tr: float, f_tr: float, f_before: float, ts: float
-) -> tuple[float, float, int]:
+) -> tuple[float, float, Correction]:
     """Give lower and upper bound on F_cor(k) in N and which case it is; lower <= upper, always inside the cap.
 
     ``delta_e`` is dE(k-1) in J, ``f_before`` is F_cor(k-1) in N. Cap and rate limit make a window that always has
@@ -93,14 +82,14 @@ def bounds(
     low = max(-rule.cap, before - rule.rate)
     high = min(rule.cap, before + rule.rate)
     if abs(v_cat) < rule.dead_zone or v_cat == 0.0:
-        return low, high, DEAD_ZONE
+        return low, high, Correction.DEAD_ZONE
     if abs(delta_e) < rule.tolerance:
-        return low, high, SETTLED
+        return low, high, Correction.SETTLED
     lower, upper = decay_interval(delta_e, v_cat, v_tr, f_tr, ts, rule.alpha, rule.instantaneous_term)
     if lower > high:
-        return high, high, PROJECTED
+        return high, high, Correction.PROJECTED
     if upper < low:
-        return low, low, PROJECTED
+        return low, low, Correction.PROJECTED
     if lower >= low and upper <= high:
-        return lower, upper, ACTIVE
-    return max(lower, low), min(upper, high), CAPPED
+        return lower, upper, Correction.ACTIVE
+    return max(lower, low), min(upper, high), Correction.CAPPED

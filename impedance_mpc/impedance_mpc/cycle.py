@@ -5,30 +5,19 @@ The node and the closed loop of `phil_loop` both ride by this.
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import NamedTuple
 
-from impedance_mpc.controller import FALLBACK, EnvironmentReading, RigReading
+from impedance_mpc.controller import EnvironmentReading, RigReading
 from impedance_mpc.parameters import Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.solver import SolverMaker, solver_of
 from impedance_mpc.switching import EnvironmentSwitch
+from phil_base.enumerations import FOLLOWING, SolverStatus
 
 BOOKS_EVERY = 10
 """Cycles from one message of the conserved quantities to the next."""
 MOST_ITERATIONS = 65535
 """What the message's number of iterations goes to."""
-
-
-class RigMode(IntEnum):
-    """Modes of the message RigState in which a rig does as it is told; what it does in others is not in the books."""
-
-    TRACKING = 1
-    BRIDGING = 2
-    HOLDING = 3
-
-
-FOLLOWING = frozenset(int(mode) for mode in RigMode)
 
 
 class Answer(NamedTuple):
@@ -86,7 +75,7 @@ class ControllerCycle:
             result.correction,
             switch.active,
             result.status,
-            0 if result.status == FALLBACK else min(result.iterations, MOST_ITERATIONS),
+            0 if result.status == SolverStatus.FALLBACK else min(result.iterations, MOST_ITERATIONS),
             result.fallbacks,
             switch.w,
             switch.v,

@@ -14,11 +14,12 @@ from rclpy.wait_for_message import wait_for_message
 from std_srvs.srv import SetBool
 
 from impedance_mpc.asking import Asking
-from impedance_mpc.controller import FALLBACK, Command, EnvironmentReading, RigReading
+from impedance_mpc.controller import Command, EnvironmentReading, RigReading
 from impedance_mpc.pairing import LONGEST, Arrival, CyclePairs
 from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
+from phil_base.enumerations import FOLLOWING, Correction, SolverStatus
 from phil_base.guard import finite, finite_array, objection, plausible
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
@@ -30,14 +31,11 @@ MODEL_PART = 2.5
 """Time in s that the reduced model is waited for at a stretch."""
 BOOKS_EVERY = 10
 """Cycles from one message of the conserved quantities to the next."""
-FOLLOWING = frozenset((RigState.MODE_TRACKING, RigState.MODE_BRIDGING, RigState.MODE_HOLDING))
-"""Modes of a rig that does as it is told; in all others its force goes to the environment, but not into the books."""
 RIG_NUMBERS = ("w_tr", "v_tr", "f_tr", "reference", "work", "impulse")
 SEGMENT = ("segment_displacement", "segment_velocity", "segment_acceleration", "segment_force")
 WIRE_NUMBERS = ("w_cat", "v_cat", "f_cat", "work", "impulse", *SEGMENT)
 NOT_USED = (Arrival.AHEAD, Arrival.REFUSED)
 LACKS = {"rig": "test_rig_sim", "catenary": "catenary_model", "both": "test_rig_sim and catenary_model"}
-CASES = ("off", "active", "capped", "projected", "dead zone", "settled")
 
 
 class ImpedanceNode(PhilNode[Parameters]):
@@ -110,7 +108,7 @@ class ImpedanceNode(PhilNode[Parameters]):
             "energy error by work done J": f"{books.delta_work:.4f}",
             "exchanged energy J": f"{books.exchanged_energy:.2f}",
             "momentum error N s": f"{books.delta_p:.3f}",
-            "correction": CASES[result.correction],
+            "correction": Correction(result.correction).words,
             "correction force N": f"{result.f_cor:.2f}",
             "solver iterations": str(result.iterations),
             "fallbacks": str(result.fallbacks),
@@ -292,7 +290,7 @@ class ImpedanceNode(PhilNode[Parameters]):
         answer.environment, answer.w_env, answer.v_env = self.switch.active, self.switch.w, self.switch.v
         answer.f_cor_lower, answer.f_cor_upper = result.f_cor_lower, result.f_cor_upper
         answer.correction, answer.status = result.correction, result.status
-        answer.iterations = 0 if result.status == FALLBACK else min(result.iterations, 65535)
+        answer.iterations = 0 if result.status == SolverStatus.FALLBACK else min(result.iterations, 65535)
         answer.fallbacks = result.fallbacks
         self.commands.publish(self.answer)
         self._asking.sent(monotonic())

@@ -9,10 +9,11 @@ import numpy as np
 
 from impedance_mpc.optimality import distances, optimal
 from impedance_mpc.plant import Array
+from phil_base.enumerations import SolverStatus
 
-SOLVED = 0
+SOLVED = SolverStatus.SOLVED
 """Solved."""
-FAILED = 2
+FAILED = SolverStatus.FALLBACK
 """No usable solution: contradictory bounds, out of iterations, not finite, or not what was asked for."""
 
 _OPTIMAL = (1, 2)

@@ -16,10 +16,10 @@ from impedance_mpc.environment import Environment, LinearEnvironment, mass_sprin
 from impedance_mpc.parameters import Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.solver import SolverMaker, solver_of
+from phil_base.enumerations import EnvironmentKind
 
-ENVIRONMENTS = ("catenary", "reduced", "mass_spring_damper")
-"""Names in the order of the message's ENVIRONMENT_* numbers."""
-CATENARY = 0
+ENVIRONMENTS = tuple(kind.name.lower() for kind in EnvironmentKind)
+"""Names as the parameter and the service have them, in the order of their numbers."""
 
 
 def simulated_environments(config: Parameters, model: Impedance) -> tuple[LinearEnvironment, LinearEnvironment]:
@@ -73,7 +73,7 @@ class EnvironmentSwitch:
         """Go back to before cycle 0, with the environment that was selected last."""
         for controller in self.controllers:
             controller.reset()
-        self.active = CATENARY
+        self.active: int = EnvironmentKind.CATENARY
         self._wanted = self._initial
         self._mean: float | None = None
         self.w = self.v = 0.0
@@ -123,7 +123,7 @@ class EnvironmentSwitch:
     def force_on_catenary(self) -> float:
         """Force on the catenary at t_(k+1), N: with the correction force only while the rig follows the catenary."""
         result = self.result
-        return result.f_cat if self.active == CATENARY else result.f_predicted
+        return result.f_cat if self.active == EnvironmentKind.CATENARY else result.f_predicted
 
     def _swap(self, wire: EnvironmentReading) -> None:
         """Hand over to the environment that is wanted, at t_k."""

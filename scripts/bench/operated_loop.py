@@ -15,12 +15,12 @@ from impedance_mpc.controller import EnvironmentReading, RigReading
 from impedance_mpc.parameters import Parameters as ControllerParameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import EnvironmentSwitch
+from phil_base.enumerations import FOLLOWING, Mode
 from phil_base.parameters import build
 from ride.settings import Settings
 from test_rig_sim.operation import rules, supervisor_for
 from test_rig_sim.parameters import Parameters as RigParameters
 from test_rig_sim.rig import Rig
-from test_rig_sim.supervisor import FOLLOWING, Mode
 
 
 class Record(NamedTuple):

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
-TRACKING, BRIDGING, RETRACTING, STOPPED = 1, 2, 4, 5
-FOLLOWED = (TRACKING, BRIDGING)
+from phil_base.enumerations import Mode
+
+FOLLOWED = (Mode.TRACKING, Mode.BRIDGING)
 """Modes of a drive that follows its command, or what the one before predicted for a single late one."""
 STEADY = 25
 """Successive cycles of these modes after which the drive is back."""
@@ -120,12 +121,12 @@ def outcome(sights: Sequence[Sight], since: float, until: float, period: float) 
     watches may be held up himself. What he did not see, the count of late commands tells: it rises by each.
     """
     after = [sight for sight in sights if sight.at >= since]
-    rest = next((sight.at for sight in after if sight.mode == STOPPED), None)
+    rest = next((sight.at for sight in after if sight.mode == Mode.STOPPED), None)
     if rest is not None:
         return RETRACTS, rest - since
     if not after or until - after[-1].at > SILENCE:
         return SILENT, max(0.0, after[-1].at - since) if after else 0.0
-    if any(sight.mode == RETRACTING for sight in after):
+    if any(sight.mode == Mode.RETRACTING for sight in after):
         return RETRACTS, None
     run, back, away = 0, since, False
     before = next((sight for sight in reversed(sights) if sight.at < since), after[0])
@@ -143,7 +144,7 @@ def outcome(sights: Sequence[Sight], since: float, until: float, period: float) 
 def steady(sights: Sequence[Sight], since: float) -> bool:
     """Tell whether the drive has come to an end that lasts: it rests, or it follows its commands."""
     after = [sight for sight in sights if sight.at >= since]
-    if any(sight.mode == STOPPED for sight in after):
+    if any(sight.mode == Mode.STOPPED for sight in after):
         return True
     newest = after[-STEADY:]
     return len(newest) == STEADY and all(sight.mode in FOLLOWED for sight in newest)

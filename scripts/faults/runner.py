@@ -14,6 +14,7 @@ from faults.catalogue import Fault
 from faults.disk import SmallDisk
 from faults.judge import RETRACTS, SILENT, TRACKS, Limits, Row
 from faults.stand import RECORDER, Stand
+from phil_base.enumerations import Mode
 from ride.lifecycle import RideError
 
 TRIES = 3
@@ -171,7 +172,7 @@ class Runner:
         sights = stand.observer.sights()
         if SILENT in fault.ends and time.monotonic() - acted > judge.SILENCE:
             return True
-        if fault.ends == (RETRACTS,) and (not sights or sights[-1].mode != judge.STOPPED):
+        if fault.ends == (RETRACTS,) and (not sights or sights[-1].mode != Mode.STOPPED):
             return False
         return judge.steady(sights, acted)
 

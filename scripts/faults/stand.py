@@ -18,6 +18,7 @@ from energy_monitor.topics import RECORDED
 from faults.observer import Observer
 from faults.relay import DONE, LATCHED_ORDERS, LINKS, ORDERS
 from faults.wall_clock import WallClock
+from phil_base.enumerations import Mode
 from phil_base.scheduling import highest_priority, priority_of, schedule, threads_of
 from phil_node.executor import events_executor
 from ride.lifecycle import DEACTIVATE, RideError
@@ -25,7 +26,6 @@ from ride.processes import Process, end_all
 from ride.rearm import change, configure, rearm, state_of
 from ride.settings import NODES, Settings, line_text, resolve, write
 
-TRACKING = 1
 RECORDER = "recorder"
 UP_SECONDS = 60.0
 FOLLOW_SECONDS = 20.0
@@ -166,7 +166,7 @@ class Stand:
         newest = self.observer.newest
         if newest is not None and self.kind == "solver":
             return True  # whose fault begins with the ride
-        return newest is not None and newest.mode == TRACKING and newest.cycle * self.period > 0.5
+        return newest is not None and newest.mode == Mode.TRACKING and newest.cycle * self.period > 0.5
 
     def rest(self) -> None:
         """Let the drive rest where it is: deactivates the rig if it is active."""

@@ -6,7 +6,8 @@ from typing import Protocol
 
 from impedance_mpc.books import Books
 from impedance_mpc.controller import Command, EnvironmentReading, RigReading
-from impedance_mpc.cycle import FOLLOWING, Answer
+from impedance_mpc.cycle import Answer
+from phil_base.enumerations import FOLLOWING
 
 
 class Controller(Protocol):

@@ -12,12 +12,13 @@ from catenary_model.build import build as build_catenary
 from catenary_model.parameters import Parameters as CatenaryParameters
 from catenary_model.reduced import NEWMARK_BETA, NEWMARK_GAMMA
 from catenary_model.sequence import LARGEST_FORCE
-from impedance_mpc.controller import FALLBACK, EnvironmentReading, RigReading
-from impedance_mpc.cycle import FOLLOWING, Answer, ControllerCycle
+from impedance_mpc.controller import EnvironmentReading, RigReading
+from impedance_mpc.cycle import Answer, ControllerCycle
 from impedance_mpc.parameters import CORRECTED, INTEGRATED
 from impedance_mpc.parameters import Parameters as ControllerParameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.solver import SolverMaker, solver_of
+from phil_base.enumerations import FOLLOWING, SolverStatus
 from phil_base.guard import LARGEST
 from phil_base.parameters import ParameterError, build
 from phil_loop.controllers import Commander, Controller, Own
@@ -260,7 +261,7 @@ class ClosedLoop:
                 return ""
             u_tr, u_next = answer.u_tr, answer.u_tr_next
             if supervisor.admissible(u_tr, u_next):
-                state = rig.follow(u_tr, u_next, answer.status == FALLBACK)
+                state = rig.follow(u_tr, u_next, answer.status == SolverStatus.FALLBACK)
             else:
                 supervisor.objection(u_tr, u_next)
                 state = rig.bridge(refused=True)

@@ -20,7 +20,7 @@ class RigColumns:
     """What the rig shows at t_k: the fields of the message RigState, each (cycles,)."""
 
     mode: Whole
-    """What the drive did between t_(k-1) and t_k, see RigState.MODE_*."""
+    """What the drive did between t_(k-1) and t_k, see :class:`phil_base.enumerations.Mode`."""
     w_tr: Floats
     """Displacement of the drive, m."""
     v_tr: Floats

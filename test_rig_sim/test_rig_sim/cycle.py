@@ -6,9 +6,10 @@ from and where states go.
 
 from typing import TYPE_CHECKING
 
+from phil_base.enumerations import Mode
 from test_rig_sim.operation import rules, supervisor_for
 from test_rig_sim.rig import Rig, RigSample
-from test_rig_sim.supervisor import Mode, Ramp, Rules
+from test_rig_sim.supervisor import Ramp, Rules
 
 if TYPE_CHECKING:
     from test_rig_sim.parameters import Parameters

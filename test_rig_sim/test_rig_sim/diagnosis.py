@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from phil_base.enumerations import Mode
 from phil_node.diagnosis import ERROR, WARN, Diagnosis
 from phil_node.timing import Timing
 from test_rig_sim.pacing import CycleClock
-from test_rig_sim.supervisor import Mode, Supervisor
+from test_rig_sim.supervisor import Supervisor
 
 PATIENCE = 5.0
 """Time in s for which waiting for listeners is nothing to warn of."""

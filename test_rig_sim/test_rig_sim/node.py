@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from phil_base.cycle_counts import CycleCounts
+from phil_base.enumerations import FOLLOWING, Mode, SolverStatus
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
@@ -20,7 +21,7 @@ from test_rig_sim.operation import rules, supervisor_for
 from test_rig_sim.pacing import CycleClock
 from test_rig_sim.parameters import Parameters
 from test_rig_sim.rig import Rig
-from test_rig_sim.supervisor import FOLLOWING, Mode, Ramp
+from test_rig_sim.supervisor import Ramp
 
 REPEAT_AFTER = 0.25  # s without an answer after which the last state is published again
 LISTENERS_STABLE = 0.5  # s for which the listeners have to be there before cycle 0
@@ -160,7 +161,7 @@ class RigNode(PhilNode[Parameters]):
         # A refused command leaves the cycle without one; the supervisor bridges it like a late one.
         self._answered = True
         self._command = (message.u_tr, message.u_tr_next) if admissible else None
-        self._old_plan = message.status == ImpedanceCommand.FALLBACK
+        self._old_plan = message.status == SolverStatus.FALLBACK
         if self._message.last:
             self._end()
         elif self._phase == ASKING and self.parameters.mode == "realtime":

@@ -32,31 +32,17 @@ Nothing leaves RETRACTING but to STOPPED, and nothing leaves STOPPED but a new S
 """
 
 import math
-from enum import IntEnum
 from typing import NamedTuple
 
+from phil_base.enumerations import FOLLOWING, Mode
 from test_rig_sim.limits import Guard, Limits, Measurement
 from test_rig_sim.motion import Pace, Response, at_rest, clip, creep, gentle, towards
 from test_rig_sim.retract import SETTLING, Retract, arrived, brake_step, obeys, retract_step
 from test_rig_sim.touch import Departure, Feeler, Touch, descend
 from test_rig_sim.trajectory import Array
 
+__all__ = ["FOLLOWING", "OPERATIONS", "Mode", "Ramp", "Rules", "Supervisor"]
 
-class Mode(IntEnum):
-    """Modes of the message RigState."""
-
-    HOLD = 0
-    TRACKING = 1
-    BRIDGING = 2
-    HOLDING = 3
-    RETRACTING = 4
-    STOPPED = 5
-    POSITION = 6
-    APPROACHING = 7
-    LANDING = 8
-
-
-FOLLOWING = (Mode.TRACKING, Mode.BRIDGING, Mode.HOLDING)
 OPERATIONS = ("hold", "position", "impedance")
 
 

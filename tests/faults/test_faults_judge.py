@@ -8,14 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from faults.judge import (
-    BRIDGING,
-    RETRACTING,
     RETRACTS,
     SILENCE,
     SILENT,
     STEADY,
-    STOPPED,
-    TRACKING,
     TRACKS,
     Limits,
     Peaks,
@@ -30,9 +26,9 @@ from faults.judge import (
     steady,
 )
 from faults.table import BEGIN, END, markdown, update
+from phil_base.enumerations import Mode
 
 TS = 0.002
-HOLDING = 3
 LIMITS = Limits(position=0.3, speed=3.0, force=500.0, current=30.0)
 
 
@@ -42,28 +38,29 @@ def seen(*modes: int, begin: int = 0, **values: float) -> list[Sight]:
 
 
 def test_a_ride_that_is_not_disturbed_tracks_at_once() -> None:
-    sights = seen(*[TRACKING] * 200)
+    sights = seen(*[Mode.TRACKING] * 200)
     assert outcome(sights, 0.1, 0.4, TS) == (TRACKS, 0.0)
     assert steady(sights, 0.1)
 
 
 @given(st.integers(1, 60), st.integers(STEADY, 80))
 def test_safe_is_the_first_of_the_cycles_that_are_followed_for_good(away: int, back: int) -> None:
-    sights = seen(*[TRACKING] * 50, *[HOLDING] * away, *[TRACKING] * back)
+    sights = seen(*[Mode.TRACKING] * 50, *[Mode.HOLDING] * away, *[Mode.TRACKING] * back)
     ended, after = outcome(sights, 50 * TS, sights[-1].at, TS)
     assert ended == TRACKS
     assert after is not None and math.isclose(after, away * TS, abs_tol=1e-9)
 
 
 def test_a_single_late_command_that_is_bridged_is_no_gap() -> None:
-    sights = seen(*([TRACKING] * 10 + [BRIDGING]) * 20)
+    sights = seen(*([Mode.TRACKING] * 10 + [Mode.BRIDGING]) * 20)
     assert outcome(sights, 50 * TS, sights[-1].at, TS) == (TRACKS, 0.0)
 
 
 def test_a_rig_that_stood_still_is_safe_when_it_goes_on() -> None:
-    early = seen(*[TRACKING] * 50)
+    early = seen(*[Mode.TRACKING] * 50)
     later = [
-        sight._replace(at=sight.at + 0.5, stamp=sight.stamp + 0.5) for sight in seen(*[TRACKING] * STEADY, begin=50)
+        sight._replace(at=sight.at + 0.5, stamp=sight.stamp + 0.5)
+        for sight in seen(*[Mode.TRACKING] * STEADY, begin=50)
     ]
     ended, after = outcome([*early, *later], 49 * TS, later[-1].at, TS)
     assert ended == TRACKS and after is not None and math.isclose(after, 0.502)
@@ -71,14 +68,14 @@ def test_a_rig_that_stood_still_is_safe_when_it_goes_on() -> None:
 
 
 def test_who_watches_may_be_held_up_or_lose_some_without_a_fault_of_the_drive() -> None:
-    early = seen(*[TRACKING] * 50)
-    later = [sight._replace(at=sight.at + 0.5) for sight in seen(*[TRACKING] * STEADY, begin=150)]
+    early = seen(*[Mode.TRACKING] * 50)
+    later = [sight._replace(at=sight.at + 0.5) for sight in seen(*[Mode.TRACKING] * STEADY, begin=150)]
     assert outcome([*early, *later], 49 * TS, later[-1].at, TS) == (TRACKS, 0.0)
 
 
 def test_commands_that_were_late_while_nobody_saw_it_are_a_gap() -> None:
-    early = seen(*[TRACKING] * 50)
-    later = seen(*[TRACKING] * STEADY, begin=150)
+    early = seen(*[Mode.TRACKING] * 50)
+    later = seen(*[Mode.TRACKING] * STEADY, begin=150)
     assert outcome([*early, *(sight._replace(late=1) for sight in later)], 49 * TS, later[-1].at, TS) == (TRACKS, 0.0)
     ended, after = outcome([*early, *(sight._replace(late=2) for sight in later)], 49 * TS, later[-1].at, TS)
     assert ended == TRACKS and after is not None and math.isclose(after, 101 * TS)
@@ -86,20 +83,20 @@ def test_commands_that_were_late_while_nobody_saw_it_are_a_gap() -> None:
 
 def test_a_rig_that_begins_anew_is_safe_from_then_on() -> None:
     """Its process was started again: the cycles begin with 0."""
-    early = seen(*[TRACKING] * 50)
-    later = [sight._replace(at=sight.at + 3.0, stamp=sight.stamp + 3.0) for sight in seen(*[TRACKING] * STEADY)]
+    early = seen(*[Mode.TRACKING] * 50)
+    later = [sight._replace(at=sight.at + 3.0, stamp=sight.stamp + 3.0) for sight in seen(*[Mode.TRACKING] * STEADY)]
     ended, after = outcome([*early, *later], 49 * TS, later[-1].at, TS)
     assert ended == TRACKS and after is not None and math.isclose(after, 3.0 - 49 * TS)
 
 
 def test_a_drive_that_is_not_back_for_long_enough_is_not_safe() -> None:
-    sights = seen(*[TRACKING] * 50, *[HOLDING] * 5, *[TRACKING] * (STEADY - 1))
+    sights = seen(*[Mode.TRACKING] * 50, *[Mode.HOLDING] * 5, *[Mode.TRACKING] * (STEADY - 1))
     assert outcome(sights, 50 * TS, sights[-1].at, TS) == (TRACKS, None)
     assert not steady(sights, 50 * TS)
 
 
 def test_a_retract_is_safe_when_the_drive_rests() -> None:
-    sights = seen(*[TRACKING] * 50, *[RETRACTING] * 100, STOPPED)
+    sights = seen(*[Mode.TRACKING] * 50, *[Mode.RETRACTING] * 100, Mode.STOPPED)
     assert outcome(sights, 50 * TS, sights[-1].at, TS) == (RETRACTS, 150 * TS - 50 * TS)
     assert outcome(sights, 50 * TS, sights[-1].at + 10.0, TS)[0] == RETRACTS  # a rig that rests says nothing more
     assert outcome(sights[:-1], 50 * TS, sights[-1].at, TS) == (RETRACTS, None)
@@ -108,7 +105,7 @@ def test_a_retract_is_safe_when_the_drive_rests() -> None:
 
 
 def test_a_rig_that_says_nothing_is_silent() -> None:
-    sights = seen(*[TRACKING] * 50)
+    sights = seen(*[Mode.TRACKING] * 50)
     assert outcome(sights, 40 * TS, 49 * TS + SILENCE + 0.1, TS)[0] == SILENT
     assert outcome(sights, 1.0, 2.0, TS) == (SILENT, 0.0)
 

@@ -7,8 +7,8 @@ from impedance_loop import MassSpringDamper, MovingString, ride
 
 from impedance_mpc import prepare
 from impedance_mpc.controller import EnvironmentReading, ImpedanceController, RigReading
-from impedance_mpc.correction import CAPPED, DEAD_ZONE, OFF
 from impedance_mpc.plant import newmark_state_space, pt2_rig
+from phil_base.enumerations import Correction
 from phil_base.parameters import ParameterError
 
 
@@ -57,13 +57,13 @@ def test_correction_force_keeps_its_bounds_and_is_zero_when_off():
     c = mass_controller()
     c.books.work_tr = 0.02
     out = call(c, w_tr=0.01, v_tr=0.2, f_tr=120.0, w_cat=0.01, v_cat=0.2)
-    assert out.correction == CAPPED
+    assert out.correction == Correction.CAPPED
     assert out.f_cor_lower <= out.f_cor <= out.f_cor_upper
     assert out.f_cor > 0.0
     assert out.f_cat == out.f_predicted + out.f_cor
     c.control = "integrated"
     out = call(c, w_tr=0.01, v_tr=0.2, f_tr=120.0, w_cat=0.01, v_cat=0.2)
-    assert (out.f_cor, out.correction) == (0.0, OFF)
+    assert (out.f_cor, out.correction) == (0.0, Correction.OFF)
 
 
 def test_after_cascaded_control_the_correction_begins_at_zero():
@@ -98,7 +98,7 @@ def test_the_bounds_are_those_of_the_velocity_when_the_force_acts():
     one = np.ones(1)
     wire = EnvironmentReading(0.0 * one, -0.02 * one, 40.0 * one, 0.0 * one, 0.0, -0.02, 100.0)
     out = c.command(RigReading(0.0, -0.02, 100.0, 0.0), wire)
-    assert out.correction != DEAD_ZONE
+    assert out.correction != Correction.DEAD_ZONE
     assert out.f_cor_lower > 0.0  # at 0.06 m/s upwards energy that is missing is given by pushing
 
 
@@ -131,7 +131,7 @@ def test_a_rig_that_does_not_follow_is_met_softly_and_not_booked():
         # a PT2 at an even speed trails its reference by 2 zeta v / omega
         reference = w + 1.6 / (80.0 * np.pi) * 0.1
         out = c.command(RigReading(w, 0.1, 100.0, reference, 50.0 * k, 10.0 * k), environment(force=100.0, held=-100.0))
-        assert (out.f_cor, out.correction) == (0.0, OFF)
+        assert (out.f_cor, out.correction) == (0.0, Correction.OFF)
     assert c.books.work_tr == 1.0
     assert c.books.exchanged_momentum == pytest.approx(0.002 * 100.0)
     # the command goes on at the drive's own speed of 0.2 mm a cycle
@@ -199,7 +199,7 @@ def test_momentum_error_leaks_in_the_dead_zone():
         c = mass_controller()
         c.books.p_tr = 20.0 * sign
         out = call(c, f_tr=100.0)
-        assert out.correction == DEAD_ZONE
+        assert out.correction == Correction.DEAD_ZONE
         assert out.f_cor * sign > 0.0
 
 

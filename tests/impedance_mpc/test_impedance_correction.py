@@ -8,15 +8,11 @@ from hypothesis import strategies as st
 
 from impedance_mpc.books import Books
 from impedance_mpc.correction import (
-    ACTIVE,
-    CAPPED,
-    DEAD_ZONE,
-    PROJECTED,
-    SETTLED,
     CorrectionRule,
     bounds,
     decay_interval,
 )
+from phil_base.enumerations import Correction
 
 TS = 0.002
 
@@ -103,35 +99,35 @@ RULE = CorrectionRule(alpha=0.98, cap=10.0, dead_zone=0.03, rate=4.0)
 
 
 def test_dead_zone_leaves_the_force_free_within_cap_and_rate():
-    assert bounds(RULE, 1.0, 0.029, 0.0, 100.0, 0.0, TS) == (-4.0, 4.0, DEAD_ZONE)
-    assert bounds(RULE, 1.0, -0.029, 0.0, 100.0, 8.0, TS) == (4.0, 10.0, DEAD_ZONE)
+    assert bounds(RULE, 1.0, 0.029, 0.0, 100.0, 0.0, TS) == (-4.0, 4.0, Correction.DEAD_ZONE)
+    assert bounds(RULE, 1.0, -0.029, 0.0, 100.0, 8.0, TS) == (4.0, 10.0, Correction.DEAD_ZONE)
     no_zone = CorrectionRule(0.98, 10.0, 0.0, 4.0)
-    assert bounds(no_zone, 1.0, 0.0, 0.0, 100.0, 0.0, TS)[2] == DEAD_ZONE
+    assert bounds(no_zone, 1.0, 0.0, 0.0, 100.0, 0.0, TS)[2] == Correction.DEAD_ZONE
 
 
 def test_small_error_is_left_to_the_bounds_as_they_are():
     lower, upper, case = bounds(RULE, 4e-4, 0.1, 0.3, 100.0, 0.0, TS)
-    assert (lower, upper, case) == (pytest.approx(0.04), pytest.approx(2.0), ACTIVE)
+    assert (lower, upper, case) == (pytest.approx(0.04), pytest.approx(2.0), Correction.ACTIVE)
     lower, upper, case = bounds(RULE, 4e-4, -0.1, 0.3, 100.0, 0.0, TS)
-    assert (lower, upper, case) == (pytest.approx(-2.0), pytest.approx(-0.04), ACTIVE)
+    assert (lower, upper, case) == (pytest.approx(-2.0), pytest.approx(-0.04), Correction.ACTIVE)
 
 
 def test_cap_and_rate_limit_cut_the_bounds():
     lower, upper, case = bounds(RULE, 0.02, 0.1, 0.1, 100.0, 7.0, TS)
-    assert (lower, upper, case) == (3.0, 10.0, CAPPED)
+    assert (lower, upper, case) == (3.0, 10.0, Correction.CAPPED)
     lower, upper, case = bounds(RULE, 0.02, 0.1, 0.1, 100.0, 0.0, TS)
-    assert (lower, upper, case) == (pytest.approx(2.0), 4.0, CAPPED)
+    assert (lower, upper, case) == (pytest.approx(2.0), 4.0, Correction.CAPPED)
 
 
 def test_projection_where_interval_and_window_do_not_meet():
-    assert bounds(RULE, 1.0, 0.1, 0.1, 100.0, 9.0, TS) == (10.0, 10.0, PROJECTED)
-    assert bounds(RULE, -1.0, 0.1, 0.1, 100.0, -9.0, TS) == (-10.0, -10.0, PROJECTED)
+    assert bounds(RULE, 1.0, 0.1, 0.1, 100.0, 9.0, TS) == (10.0, 10.0, Correction.PROJECTED)
+    assert bounds(RULE, -1.0, 0.1, 0.1, 100.0, -9.0, TS) == (-10.0, -10.0, Correction.PROJECTED)
     # The rate limit alone: the force has to come down first.
-    assert bounds(RULE, 1.0, -0.1, 0.1, 100.0, 9.0, TS) == (5.0, 5.0, PROJECTED)
+    assert bounds(RULE, 1.0, -0.1, 0.1, 100.0, 9.0, TS) == (5.0, 5.0, Correction.PROJECTED)
 
 
 def test_no_error_needs_no_force():
-    assert bounds(RULE, 0.0, 0.1, 0.2, 100.0, 0.0, TS) == (0.0, 0.0, ACTIVE)
+    assert bounds(RULE, 0.0, 0.1, 0.2, 100.0, 0.0, TS) == (0.0, 0.0, Correction.ACTIVE)
 
 
 @pytest.mark.parametrize(
@@ -181,5 +177,5 @@ def test_an_error_within_its_tolerance_is_left_alone():
     """Noise of the books must not be chased: the window alone bounds the force, on either side of zero."""
     rule = CorrectionRule(0.98, 10.0, 0.03, 4.0, tolerance=0.01)
     for delta_e in (0.0099, -0.0099):
-        assert bounds(rule, delta_e, 0.2, 0.2, 100.0, 0.0, TS) == (-4.0, 4.0, SETTLED)
-    assert bounds(rule, 0.0101, 0.2, 0.2, 100.0, 0.0, TS)[2] != SETTLED
+        assert bounds(rule, delta_e, 0.2, 0.2, 100.0, 0.0, TS) == (-4.0, 4.0, Correction.SETTLED)
+    assert bounds(rule, 0.0101, 0.2, 0.2, 100.0, 0.0, TS)[2] != Correction.SETTLED

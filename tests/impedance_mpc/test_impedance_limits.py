@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from impedance_cases import call, mass_controller
 
-from impedance_mpc.controller import FALLBACK, EnvironmentReading, RigReading
+from impedance_mpc.controller import EnvironmentReading, RigReading
 from impedance_mpc.plant import pt2_rig
 from impedance_mpc.solver import FAILED, SOLVED
+from phil_base.enumerations import SolverStatus
 
 
 def test_reference_stays_inside_the_box_and_reaches_it():
@@ -112,7 +113,7 @@ def test_failed_solver_gives_the_shifted_plan_inside_the_box(monkeypatch):
     before, _ = c.plan
     monkeypatch.setattr(c.qp, "solve", lambda *a: FAILED)
     out = call(c, w_cat=0.02, v_cat=0.1, f_tr=200.0)
-    assert (out.status, out.fallbacks) == (FALLBACK, 1)
+    assert (out.status, out.fallbacks) == (SolverStatus.FALLBACK, 1)
     assert (out.u_tr, out.u_tr_next) == (before[1], before[2])
     for _ in range(40):
         out = call(c, w_cat=0.02, v_cat=0.1, f_tr=200.0)
@@ -137,7 +138,7 @@ def test_nan_in_the_cycle_is_answered_by_the_old_plan():
     zero = np.zeros(1)
     broken = EnvironmentReading(np.array([np.nan]), zero, zero, zero, 0.001, 0.0, 100.0)
     out = c.command(RigReading(0.0, 0.0, 100.0, before[1]), broken)
-    assert out.status == FALLBACK
+    assert out.status == SolverStatus.FALLBACK
     assert out.u_tr == before[1]
     assert call(c, w_cat=0.001, f_tr=100.0).status == SOLVED
 

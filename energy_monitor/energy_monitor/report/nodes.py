@@ -3,34 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from energy_monitor.bag import Bag, Diagnostic
-from energy_monitor.books import CATENARY, FOLLOWING
 from energy_monitor.report.alignment import Aligned, last_ride, unique
 from energy_monitor.report.results import Catenary, Floats, ModeChange, Solver, Timing, Warned
 from energy_monitor.report.wall_clock import stamps
 from energy_monitor.topics import NODES, RIG_STATE
+from phil_base.enumerations import FOLLOWING, EnvironmentKind, Mode, Named, SolverStatus
 
-# The constants of the message definitions, in their order.
-MODES = (
-    "hold",
-    "tracking",
-    "bridging",
-    "holding",
-    "retracting",
-    "stopped",
-    "position",
-    "approaching",
-    "landing",
-)
-CORRECTION = ("off", "active", "capped", "projected", "dead zone", "settled")
-STATUS = {0: "solved", 2: "fallback"}
-FALLBACK = 2
 NUMBER = re.compile(r"-?\b\d+(\.\d+)?(e[-+]?\d+)?\b")
 AROUND = 600_000_000_000
 """Time in ns before and after the ride in which its nodes speak; a stamp beyond is not by the clock of the ride."""
@@ -42,44 +27,44 @@ COUNTED = (
 LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
 
-def counts(values: NDArray[Any], names: Sequence[str] | Mapping[int, str]) -> dict[str, int]:
+def counts(values: NDArray[Any], kind: type[Named]) -> dict[str, int]:
     """Count how often each named constant occurs, those that do only; an unknown one by its number."""
     found, number = np.unique(values, return_counts=True)
-    return {_name(names, int(v)): int(n) for v, n in zip(found, number, strict=True)}
+    return {_name(kind, int(v)): int(n) for v, n in zip(found, number, strict=True)}
 
 
 def modes(aligned: Aligned, ts: float) -> list[ModeChange]:
     """List the rig's first mode and every change of it."""
     mode = aligned.rig["mode"].astype(np.int64)
     at = np.concatenate([[0], np.flatnonzero(np.diff(mode)) + 1])
-    return [ModeChange(int(aligned.cycle[i]), _name(MODES, int(mode[i])), float(aligned.cycle[i] * ts)) for i in at]
+    return [ModeChange(int(aligned.cycle[i]), _name(Mode, int(mode[i])), float(aligned.cycle[i] * ts)) for i in at]
 
 
 def retracted(aligned: Aligned) -> int:
     """Count the cycles in which the rig retracted or had stopped; one that landed and rests did not retract."""
     mode = aligned.rig["mode"]
-    retracting, landing = mode == MODES.index("retracting"), mode == MODES.index("landing")
+    retracting, landing = mode == Mode.RETRACTING, mode == Mode.LANDING
     if landing.any() and not retracting.any():
         return 0
-    return int((retracting | (mode == MODES.index("stopped"))).sum())
+    return int((retracting | (mode == Mode.STOPPED)).sum())
 
 
 def counted(aligned: Aligned) -> NDArray[np.bool_]:
     """Tell in which cycles the rig followed the catenary: only these are in the books."""
-    of_catenary = aligned.command["environment"] == CATENARY
+    of_catenary = aligned.command["environment"] == EnvironmentKind.CATENARY
     return np.asarray(of_catenary & np.isin(aligned.rig["mode"], FOLLOWING), dtype=np.bool_)
 
 
 def left_the_catenary(aligned: Aligned) -> int | None:
     """Give the first cycle in which the rig was to behave like something else than the catenary; None: in none."""
-    others = np.flatnonzero(aligned.command["environment"] != CATENARY)
+    others = np.flatnonzero(aligned.command["environment"] != EnvironmentKind.CATENARY)
     return int(aligned.cycle[others[0]]) if len(others) else None
 
 
 def bridged(aligned: Aligned) -> int:
     """Count the cycles in which the rig had no command of that cycle and went on by itself."""
     mode = aligned.rig["mode"]
-    return int(((mode == MODES.index("bridging")) | (mode == MODES.index("holding"))).sum())
+    return int(((mode == Mode.BRIDGING) | (mode == Mode.HOLDING)).sum())
 
 
 def mismatches(aligned: Aligned) -> int:
@@ -93,7 +78,7 @@ def mismatches(aligned: Aligned) -> int:
         return ~np.isclose(one, other, rtol=1e-9, atol=1e-9)
 
     f_tr, f_predicted, f_cor, f_cat = (aligned.command.real(name) for name in ("f_tr", "f_predicted", "f_cor", "f_cat"))
-    f_cor = np.where(aligned.command["environment"] == CATENARY, f_cor, 0.0)
+    f_cor = np.where(aligned.command["environment"] == EnvironmentKind.CATENARY, f_cor, 0.0)
     wrong = differs(f_tr, aligned.rig.real("f_tr")) | differs(f_cat, f_predicted + f_cor)
     felt = differs(aligned.catenary.real("f_cat")[1:], f_cat[:-1]) & (np.diff(aligned.cycle) == 1)
     wrong[1:] |= felt
@@ -108,8 +93,8 @@ def solver(aligned: Aligned) -> Solver:
         iterations_mean=float(iterations.mean()),
         iterations_p99=float(np.percentile(iterations, 99.0)),
         iterations_max=int(iterations.max()),
-        fallbacks=int((status == FALLBACK).sum()),
-        status=counts(status, STATUS),
+        fallbacks=int((status == SolverStatus.FALLBACK).sum()),
+        status=counts(status, SolverStatus),
     )
 
 
@@ -179,7 +164,7 @@ def warnings(bag: Bag, aligned: Aligned, ts: float, jumped: bool) -> tuple[list[
         key, time = (entry.level, entry.name, NUMBER.sub("#", entry.message)), at(entry)
         before = found.get(key)
         first, count = (before.first, before.count) if before else (time, 0)
-        found[key] = Warned(_name(LEVELS, entry.level), entry.name, entry.message, count + 1, first, time)
+        found[key] = Warned(_level(entry.level), entry.name, entry.message, count + 1, first, time)
     return list(found.values()), list(others)
 
 
@@ -237,6 +222,9 @@ def _node(topic: str) -> str:
     return parts[-2] if len(parts) > 1 else parts[0]
 
 
-def _name(names: Sequence[str] | Mapping[int, str], value: int) -> str:
-    known = names if isinstance(names, Mapping) else dict(enumerate(names))
-    return known.get(value, f"unknown ({value})")
+def _name(kind: type[Named], value: int) -> str:
+    return next((known.words for known in kind if known == value), f"unknown ({value})")
+
+
+def _level(level: int) -> str:
+    return LEVELS[level] if 0 <= level < len(LEVELS) else f"unknown ({level})"

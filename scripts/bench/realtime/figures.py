@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from energy_monitor.bag import Table
-from test_rig_sim.supervisor import Mode
+from phil_base.enumerations import Mode
 
 NODES = ("test_rig_sim", "impedance_mpc", "catenary_model", "energy_monitor")
 RIG = NODES[0]
