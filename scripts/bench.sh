@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Measures how long things take here: scripts/bench.sh catenary | lines | mpc | realtime. All options: --help.
+# Measures how long things take here: scripts/bench.sh catenary | lines | mpc | realtime | rides. All options: --help.
 set -u
 . "$(dirname "${BASH_SOURCE[0]}")/lib/environment.sh"
 phil_help bench "$@"

@@ -9,16 +9,18 @@ import sys
 from collections.abc import Sequence
 
 from bench.realtime.options import RealtimeOptions, WrongUse, add_options, options_from
+from bench.rides import options as rides_options
+from bench.rides.options import RidesOptions
 from phil_base.command_line import Parser, path, write_json
 
 WRONG, FAILED, INTERRUPTED = 2, 3, 130
-NAMES = ("catenary", "lines", "mpc", "realtime")
+NAMES = ("catenary", "lines", "mpc", "realtime", "rides")
 
 WIDTH = 132
 """Columns of the tables where there is no terminal."""
 
 
-def arguments(argv: Sequence[str] | None = None) -> tuple[argparse.Namespace, RealtimeOptions]:
+def arguments(argv: Sequence[str] | None = None) -> tuple[argparse.Namespace, RealtimeOptions, RidesOptions]:
     """Read the command line; ends the process with code 2 if it is wrong, before anything is measured."""
     parser = Parser(prog="scripts/bench.sh", description=__doc__)
     parser.add_argument("name", choices=NAMES, help="what to measure")
@@ -26,8 +28,9 @@ def arguments(argv: Sequence[str] | None = None) -> tuple[argparse.Namespace, Re
     parser.add_argument("--out", type=path, metavar="DIR", help="draw the distributions there")
     parser.add_argument("--quick", action="store_true", help="few samples: only to see that it works")
     add_options(parser)
+    rides_options.add_options(parser)
     given = parser.parse_args(argv)
-    riding = options_from(parser, given)
+    riding, rides = options_from(parser, given), rides_options.options_from(parser, given)
     if riding.parameters and riding.against is None:  # another revision may have other parameters
         from ride.beforehand import refusal
 
@@ -35,12 +38,12 @@ def arguments(argv: Sequence[str] | None = None) -> tuple[argparse.Namespace, Re
             print(refused, file=sys.stderr)
             sys.exit(WRONG)
     parser.check_places(given.json, given.out)
-    return given, riding
+    return given, riding, rides
 
 
 def main() -> int:
     """Measure, print, write; 0 unless the measurement itself failed (3): speed is told, not tested."""
-    given, riding = arguments()
+    given, riding, rides = arguments()
 
     from rich.console import Console
 
@@ -48,14 +51,15 @@ def main() -> int:
     from bench.distribution import picture, table
 
     gc.disable()
-    if given.name == "realtime":
+    if given.name in ("realtime", "rides"):
         from bench.realtime.against import AgainstError
         from bench.realtime.disturbance import DisturbanceError
         from bench.realtime.run import run
         from bench.realtime.session import MeasuringError
+        from bench.rides.run import run as run_rides
 
         try:
-            outcome = run(riding, given.out)
+            outcome = run(riding, given.out) if given.name == "realtime" else run_rides(rides, given.quick)
         except WrongUse as error:
             print(error, file=sys.stderr)
             return WRONG

@@ -12,7 +12,9 @@ RATES = (50.0, 5000.0)
 ALONE, COMPARED, QUICK, QUICK_COMPARED = 60.0, 10.0, 5.0, 3.0
 """s of a ride where nothing is said."""
 PAIRS = 3
-HEADING = "realtime only"
+HEADING = "realtime"
+SHARED = ("seconds", "against")
+"""Options that the bench ``rides`` takes as well."""
 
 
 class WrongUse(Exception):  # noqa: N818 - the user's, told as such
@@ -47,8 +49,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "process for each core, all of ordinary priority",
     )
     add("--rate", type=real, metavar="HZ", help="cycles a second (500)")
-    add("--seconds", type=real, metavar="N", help="length of a ride (60; with --against 10)")
-    add("--against", metavar="REVISION", help="ride in turns with that revision of this repository, built beside")
+    add("--seconds", type=real, metavar="N", help="length of a ride (60; with --against, and of rides, 10)")
+    add(
+        "--against",
+        metavar="REVISION",
+        help="ride in turns with that revision of this repository, built beside (rides, too)",
+    )
     add(
         "--set", action="append", default=[], metavar="NODE.KEY=VALUE", help="one parameter of all rides, as for run.sh"
     )
@@ -59,9 +65,13 @@ def options_from(parser: argparse.ArgumentParser, given: argparse.Namespace) -> 
     """Check the options; ends the process with code 2 and one line if they are wrong."""
     named = {name: getattr(given, name) for name in ("rate", "seconds", "against", "pairs")}
     named |= {"disturbed": given.disturbed or None, "set": given.set or None}
+    if given.name == "rides":
+        named = {name: value for name, value in named.items() if name not in SHARED}
     said = [f"--{name}" for name, value in named.items() if value is not None]
     if given.name != "realtime" and said:
         parser.error(f"{said[0]} is an option of realtime, not of {given.name}")
+    if given.name != "realtime":
+        return RealtimeOptions()
     if given.pairs is not None and given.against is None:
         parser.error("--pairs is for --against")
     rate = 500.0 if given.rate is None else given.rate

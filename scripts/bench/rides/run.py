@@ -1,0 +1,116 @@
+"""The bench ``rides``: rides in lockstep, of one build or of two in turns, and what is told of them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+
+from bench.distribution import distribution
+from bench.outcome import Outcome
+from bench.realtime.against import build, present
+from bench.rides.importing import Import, imports
+from bench.rides.options import RidesOptions
+from bench.rides.processes import Memory
+from bench.rides.session import Kind, Ridden, knows_composed, ride
+from bench.rides.tables import comparison, figure_sheet, goal_sheet, import_sheet, memory_sheet, ride_sheet, use_sheet
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+IMPORTS, QUICK_IMPORTS = 5, 1
+
+
+def order(kinds: int, rounds: int) -> list[int]:
+    """Give the kinds of rides in turns, forwards and backwards: 0 1 2 2 1 0 0 1 2 ..."""
+    there = list(range(kinds))
+    return [kind for number in range(rounds) for kind in there[:: (1, -1)[number % 2]]]
+
+
+def run(options: RidesOptions, quick: bool = False) -> Outcome:
+    """Ride in lockstep with the four nodes and the recorder; speed, start, processor time, memory, imports.
+
+    Raises
+    ------
+    WrongUse
+        There is no such revision.
+    AgainstError, MeasuringError
+        There is nothing to be measured.
+    KeyboardInterrupt
+        Ctrl-C or a signal; nothing is left running.
+    """
+    before = {number: signal.signal(number, _interrupt) for number in SIGNALS}
+    try:
+        with tempfile.TemporaryDirectory(prefix="phil-bench-", ignore_cleanup_errors=True) as name:
+            folder = Path(name)
+            builds = [present()]
+            if options.against is not None:
+                _say(f"building {options.against}")
+                builds.append(build(options.against, folder / "against"))
+            kinds = [Kind(one.label, one.root) for one in builds]
+            if options.composed and knows_composed(builds[0].root):
+                kinds.insert(1, Kind(builds[0].label, builds[0].root, composed=True))
+            seen: dict[str, Mapping[str, Memory]] = {}
+            for kind in kinds:
+                _say(f"riding twice to warm up, {kind.label}: {options.seconds:g} s")
+                ride(kind, options, folder / f"warm-{len(seen)}-1")
+                seen[kind.label] = ride(kind, options, folder / f"warm-{len(seen)}-2", look_at_memory=True).memory
+            rides = []
+            turns = order(len(kinds), options.rounds)
+            for number, which in enumerate(turns):
+                _say(f"ride {number + 1} of {len(turns)}, {kinds[which].label}: {options.seconds:g} s")
+                rides.append(ride(kinds[which], options, folder / f"ride-{number}"))
+            _say("importing")
+            found = imports(builds, QUICK_IMPORTS if quick else IMPORTS)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    return outcome(options, kinds, rides, seen, found)
+
+
+def outcome(
+    options: RidesOptions,
+    kinds: Sequence[Kind],
+    rides: Sequence[Ridden],
+    seen: Mapping[str, Mapping[str, Memory]],
+    found: Sequence[Import],
+) -> Outcome:
+    """Put all rides into tables."""
+    samples = {
+        f"{kind.label}: {what}": np.array([getattr(one, key) for one in rides if one.kind == kind.label])
+        for kind in kinds
+        for key, what in (("seconds", "cycle 0 to last cycle"), ("start", "command to cycle 0"))
+    }
+    rows = [distribution(name, times) for name, times in samples.items()]
+    sheets = [ride_sheet(rides), figure_sheet(rides), use_sheet(rides), memory_sheet(seen), import_sheet(found)]
+    if options.against is not None:
+        old = kinds[-1]
+        sheet, goals = comparison(rides, kinds[:-1], old)
+        sheets += [sheet, goal_sheet(goals)]
+    title = f"rides of {options.seconds:g} s in lockstep, with a recording, {options.rounds} rounds"
+    return Outcome(title, rows, samples, sheets, notes(options, kinds))
+
+
+def notes(options: RidesOptions, kinds: Sequence[Kind]) -> list[str]:
+    """Say what the figures mean and under which circumstances they came about."""
+    said = [
+        f"{len(os.sched_getaffinity(0))} cores, load average at the end {os.getloadavg()[0]:.2f}. A ride is what "
+        "scripts/run.sh does with the defaults, warm; its cycles are timed as the recorder gets them. Processor time "
+        "is read ten times a second and belongs to the time from cycle 0 to the last cycle; memory was read in a ride "
+        "that does not count for the times."
+    ]
+    if options.composed and not any(kind.composed for kind in kinds):
+        said.append("this build cannot have its nodes in one process: --composed was left out")
+    return said
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
