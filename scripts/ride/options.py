@@ -18,6 +18,7 @@ EXAMPLES = (
     "scripts/run.sh --speed-kmh 200 --duration 30 --pantograph en50318",
     "scripts/run.sh --line alternating_spans",
     "scripts/run.sh --line my_line.yaml --mode realtime",
+    "scripts/run.sh --composed",
     "scripts/run.sh --set impedance_mpc.control=integrated --out rides/without-correction",
 )
 """Command lines that the help shows; `my_line.yaml` is a file of the user's."""
@@ -35,14 +36,15 @@ class Options:
     report: bool
     overwrite: bool
     ordinary_scheduling: bool
+    composed: bool = False
 
 
 def parse(argv: Sequence[str] | None = None) -> Options:
     """Read the command line; ends the process with code 2 and a message if it is wrong."""
     parser = Parser(
         prog="scripts/run.sh",
-        description="Emulate a train ride: catenary, impedance controller, test rig and monitor in four processes, "
-        "recorded into a bag, with a report at the end.",
+        description="Emulate a train ride: catenary, impedance controller, test rig and monitor in four processes "
+        "or in one, recorded into a bag, with a report at the end.",
         epilog="Examples: " + "   |   ".join(EXAMPLES),
     )
     add = parser.add_argument
@@ -73,6 +75,12 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         help="do not ask for real-time scheduling (SCHED_FIFO), which is used where the system allows it "
         "(real_time.scheduling = ordinary in all nodes)",
     )
+    add(
+        "--composed",
+        action="store_true",
+        help="the four nodes in one process, which hands their messages over itself: the same numbers and topics, and "
+        "several times as fast in lockstep; if one of them fails all end",
+    )
     given = parser.parse_args(argv)
 
     overrides = overrides_of(given.set, parser)
@@ -90,6 +98,7 @@ def parse(argv: Sequence[str] | None = None) -> Options:
         report=not (given.no_bag or given.no_report),
         overwrite=given.overwrite,
         ordinary_scheduling=given.ordinary_scheduling,
+        composed=given.composed,
     )
 
 

@@ -39,6 +39,7 @@ DISCOVERY_SECONDS = 0.8
 """Time in which a neighbour on the same machine or network is seen."""
 OWN_TOPICS = tuple(topic for topic in RECORDED if not topic.startswith("/"))
 """Topics on which nobody but the ride's nodes may speak; the first part of the name is the node that does."""
+COMPOSED = "the process of all four nodes"
 TAKE_DOWN_ORDER = tuple(reversed(NODES))
 
 
@@ -54,6 +55,7 @@ class Ride:
         self._out = options.out
         self._bag = options.bag
         self._ordinary = options.ordinary_scheduling
+        self._composed = options.composed
         self._console = console
         self._nodes: dict[str, Process] = {}
         self._recorder: Process | None = None
@@ -105,7 +107,7 @@ class Ride:
 
     @property
     def _processes(self) -> list[Process]:
-        return [*self._nodes.values(), *([self._recorder] if self._recorder else [])]
+        return [*dict.fromkeys(self._nodes.values()), *([self._recorder] if self._recorder else [])]
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         self._interrupts += 1
@@ -121,6 +123,12 @@ class Ride:
             self._ready.unlink(missing_ok=True)
             arguments = ["--out", str(self.bag_path), "--ready-file", str(self._ready)]
             self._recorder = Process("recorder", "energy_monitor.record", arguments, logs / "recorder.log")
+        if self._composed:
+            arguments = ["--ros-args", "--params-file", parameters]
+            arguments += ["-p", f"test_rig_sim:wait_for_subscribers:={self._listeners}"]
+            process = Process(COMPOSED, "ride.composed", arguments, logs / "composed.log")
+            self._nodes = dict.fromkeys(NODES, process)
+            return
         for name in NODES:
             arguments = ["--ros-args", "--params-file", parameters]
             if name == "test_rig_sim":
@@ -289,14 +297,16 @@ class Ride:
                 self._recorder.wait(15.0)
                 if self._recorder.code == DISK_FULL and not told:
                     self._console.print(self._full, highlight=False, soft_wrap=True)
+            if alive and self._composed and all(managed.state == "unconfigured" for managed in alive):
+                self._nodes[alive[0].name].ask_to_end(signal.SIGTERM)
             for managed in alive:
-                if managed.state == "unconfigured":
+                if managed.state == "unconfigured" and not self._composed:
                     # Nothing to undo, and it may still be importing or compiling.
                     self._nodes[managed.name].ask_to_end(signal.SIGTERM)
                     continue
                 with contextlib.suppress(RideError):
                     managed.shut_down(5.0)
-            end_all(list(self._nodes.values()))
+            end_all(list(dict.fromkeys(self._nodes.values())))
 
 
 def _nohup(number: signal.Signals) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import threading
@@ -22,7 +21,8 @@ from std_srvs.srv import Trigger
 from phil_base.parameters import Group, ParameterError, defaults, infos, values_of
 from phil_base.real_time import FIFO, Granted, apply, set_thread
 from phil_base.scheduling import CYCLE as CYCLE_PRIORITY
-from phil_base.scheduling import IN_CYCLE, priority_of
+from phil_base.scheduling import IN_CYCLE, MIDDLE, priority_of
+from phil_node import collector
 from phil_node.answers import Answers
 from phil_node.bounded_log import BoundedLog
 from phil_node.changes import as_declared, fixed_while_active, merged
@@ -246,9 +246,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
                 self._build()
             self.timing.clear()
             self.log.prepare()
-            gc.collect()
-            gc.freeze()
-            gc.disable()
+            collector.hold(self)
             sys.setswitchinterval(SWITCH)
             self._ask_system()
             # Publishers first: start() may publish at once.
@@ -262,8 +260,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
                 self.active = False
                 self.wires.disconnect()
                 LifecycleNode.on_deactivate(self, state)
-                gc.enable()
-                gc.unfreeze()
+                collector.release(self)
                 raise
             self.wires.begin()
 
@@ -275,8 +272,9 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         if not self.has_process or wanted is None:
             return
         in_lockstep = getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP
-        self.granted = apply(wanted, self.threads_role, level=in_lockstep)
-        if self.cycle_role in IN_CYCLE:
+        alone = self.wires.alone
+        self.granted = apply(wanted, self.threads_role if alone else MIDDLE, level=in_lockstep)
+        if self.cycle_role in IN_CYCLE or not alone:
             set_thread("serve")
         for line in () if in_lockstep else self.granted.advice:
             self.get_logger().warning(line)
@@ -334,8 +332,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
     def _halt(self) -> None:
         self.active = False
         self.wires.halt()
-        gc.enable()
-        gc.unfreeze()
+        collector.release(self)
         self.stop()
         self.timing.finish()
         self.wires.disconnect()

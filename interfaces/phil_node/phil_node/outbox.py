@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from time import monotonic, sleep
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.exceptions import InvalidHandle
 
@@ -13,6 +13,9 @@ from phil_base.real_time import set_thread
 from phil_node.link import Message, Outlet, Peer, batches
 from phil_node.publish import publish_bytes
 from phil_node.topics import TopicsProcess
+
+if TYPE_CHECKING:
+    from phil_node.exchange import Box
 
 PORTION = 100
 """Kept messages that a new follower is given at once."""
@@ -27,6 +30,8 @@ class Topic:
         """Take the full name, rclpy's publisher or its number in the other process, and how many samples are kept."""
         self.name, self.publisher, self.outlet = name, publisher, outlet
         self.open = True
+        self.box: Box | None = None
+        """By which it is handed over to other nodes of this process, if there are any."""
         self.number = 0
         self._kept: deque[tuple[int, int, bytes]] | None = deque(maxlen=kept) if kept else None
 
@@ -44,7 +49,7 @@ class Topic:
 
     @property
     def followers(self) -> int:
-        """Give the number of those who follow."""
+        """Give the number of those who follow by sockets."""
         return len(self.outlet.peers) if self.outlet is not None else 0
 
 
@@ -65,20 +70,29 @@ class Outbox:
         self._turn = threading.Lock()
         self._thread: threading.Thread | None = None
         self._running = False
+        self._users = 0
 
     def start(self) -> None:
-        """Begin."""
-        self._running = True
-        self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
-        self._thread.start()
+        """Begin, with the first of the nodes that publish by it."""
+        self._users += 1
+        if self._users == 1:
+            self._running = True
+            self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
+            self._thread.start()
 
     def stop(self) -> None:
-        """End, after all that was posted is published."""
-        self._running = False
-        if self._thread is not None:
+        """Publish all that was posted, and end with the last of the nodes."""
+        self._users = max(0, self._users - 1)
+        self._running = self._users > 0
+        if self._thread is not None and not self._running:
             self._thread.join()
             self._thread = None
         self.flush()
+
+    @property
+    def waiting(self) -> int:
+        """Give the number of messages that wait to be published."""
+        return len(self._waiting)
 
     def post(self, topic: Topic, data: bytes) -> None:
         """Have a message (CDR) published."""
@@ -136,14 +150,14 @@ class Outbox:
                 peer.send(batch)
             sent = left[PORTION - 1][1]
 
-    def hand_over(self, seconds: float) -> None:
-        """Wait until those who follow, and the process for topics, have all that was published."""
+    def hand_over(self, seconds: float, owner: int = 0) -> None:
+        """Wait until those who follow, and who listens to a node of the process for topics, have all of it."""
         end = monotonic() + seconds
         while monotonic() < end and self._behind():
             sleep(EVERY)
             self.flush()
         if self.process is not None:
-            self.process.acknowledged(max(0.0, end - monotonic()))
+            self.process.acknowledged(max(0.0, end - monotonic()), owner)
 
     def _behind(self) -> bool:
         process = self.process is not None and self.process.behind

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.serialization import serialize_message
 
@@ -12,6 +12,9 @@ from phil_node.cycle_thread import CycleThread
 from phil_node.link import Inlet, Outlet, messages_of
 from phil_node.once import Once
 from phil_node.outbox import Outbox, Topic
+
+if TYPE_CHECKING:
+    from phil_node.exchange import Box
 
 
 class Sender:
@@ -36,28 +39,31 @@ class Sender:
 
     @property
     def linked(self) -> int:
-        """Give the number of those who take it by a link."""
-        return self.topic.followers
+        """Give the number of those who take it by a link, or in this process."""
+        box = self.topic.box
+        return self.topic.followers + (len(box.peers) + len(box.followers) if box is not None else 0)
 
     def publish(self, message: Any) -> None:
         """Publish unless the node is inactive."""
         if self.topic.open:
             data = message.writer.bytes() if isinstance(message, Written) else serialize_message(message)
+            if self.topic.box is not None:
+                self.topic.box.send(data)
             self._outbox.post(self.topic, data)
 
 
 class CycleSender(Sender):
     """Sends to the linked peers first, and publishes; at once while one of the loop's peers is not linked."""
 
-    def __init__(self, topic: Topic, outbox: Outbox, outlet: Outlet) -> None:
-        """Publish on a topic, and send through ``outlet``."""
+    def __init__(self, topic: Topic, outbox: Outbox, outlet: Outlet | Box) -> None:
+        """Publish on a topic, and send through ``outlet``: by sockets, or within this process."""
         super().__init__(topic, outbox)
         self.outlet = outlet
 
     @property
     def linked(self) -> int:
-        """Give the number of those who take it by a link."""
-        return self.topic.followers + len(self.outlet.peers)
+        """Give the number of those who take it by a link, or in this process."""
+        return super().linked + (len(self.outlet.peers) if self.topic.box is None else 0)
 
     def publish(self, message: Any) -> None:
         """Send and publish unless the node is inactive."""

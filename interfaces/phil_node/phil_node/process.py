@@ -6,7 +6,8 @@ import gc
 import os
 import re
 import sys
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import rclpy
@@ -18,6 +19,7 @@ from rclpy.task import Future
 
 from phil_base.clear_words import clear
 from phil_base.parameters import ParameterError
+from phil_node.composition import Composition
 from phil_node.executor import LONG, events_executor
 from phil_node.instance import AlreadyRunning, claim
 from phil_node.shared_memory import remove_litter
@@ -42,11 +44,20 @@ def run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None = None) -> int
     Give the exit code: 0 it ended in order; 2 for wrong parameters or arguments, or if this machine has that node on
     that domain already.
     """
+    return run_together([kind], argv)
+
+
+def run_together(kinds: Sequence[Callable[[], PhilNode[Any]]], argv: list[str] | None = None) -> int:
+    """Run nodes in one process until all are shut down, or it is asked to end by a signal, or one of them fails.
+
+    Give the exit code: 0 they ended in order; 1 one has failed, or was shut down beside an active one; 2 for wrong
+    parameters or arguments, or if this machine has one of the nodes on that domain already.
+    """
     with Ending() as ending:
-        return _run(kind, argv, ending)
+        return _run(kinds, argv, ending)
 
 
-def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Ending) -> int:
+def _run(kinds: Sequence[Callable[[], PhilNode[Any]]], argv: list[str] | None, ending: Ending) -> int:
     remove_litter()
     try:
         set_logger_level("rcl", LoggingSeverity.FATAL)  # what it cannot read is said below, in one line
@@ -54,8 +65,8 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
         # It logs each transition that does not exist, without a bound; the node says so itself.
         set_logger_level("rcl_lifecycle", LoggingSeverity.ERROR)
         set_logger_level("rcl", LoggingSeverity.UNSET)
-        node = kind()
-        held = claim(node.full_name, node.context.get_domain_id())
+        nodes = [kind() for kind in kinds]
+        held = [claim(node.full_name, node.context.get_domain_id()) for node in nodes]
     except (ParameterError, AlreadyRunning) as error:
         return _refuse(str(error))
     except UnknownROSArgsError as error:
@@ -65,18 +76,24 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
     except RCLError as error:
         # Arguments that ROS itself cannot read: a missing parameter file, a malformed remapping.
         return _refuse(PLACES.sub("", str(error).splitlines()[0]))
-    node.has_process = True
-    node.wires.use(TopicsProcess())
-    node.answers.take_over(node.services)
-    executor = events_executor()
-    executor.add_node(node)
+    topics, executor = TopicsProcess(), events_executor()
+    together = Composition(topics) if len(nodes) > 1 else None
+    for node in nodes:
+        node.has_process = True
+        if together is None:
+            node.wires.use(topics)
+        else:
+            node.wires.share(together)
+        node.answers.take_over(node.services)
+        executor.add_node(node)
+    code = 0
     try:
-        _spin(node, executor, ending)
-        if node.failure is not None:
-            raise node.failure
-        if ending.asked and not node.finished.done():
-            node.trigger_shutdown()
-        elif rclpy.ok():
+        _spin(nodes, executor, ending)
+        code = _outcome(nodes)
+        for node in reversed(nodes):  # the last one moves the drive
+            if (ending.asked or code) and not node.finished.done():
+                node.trigger_shutdown()
+        if not ending.asked and rclpy.ok():
             # The answer to the shutdown request is still to be sent.
             for _ in range(5):
                 executor.spin_once(timeout_sec=0.02)
@@ -84,32 +101,64 @@ def _run(kind: Callable[[], PhilNode[Any]], argv: list[str] | None, ending: Endi
         pass
     finally:
         executor.shutdown()
-        node.destroy_node()
+        for node in nodes:
+            node.destroy_node()
+        if together is not None:
+            topics.close()
         rclpy.try_shutdown()
         # A lifecycle node's state machine keeps the DDS participant, with its threads and its shared memory, until
         # the last reference to the node is gone; the nodes have switched the collector off.
-        del node, executor
+        del node, nodes, executor
         gc.unfreeze()
         gc.collect()
-        held.close()
+        for claimed in held:
+            claimed.close()
+    return code
+
+
+def _outcome(nodes: Sequence[PhilNode[Any]]) -> int:
+    """Give the exit code when nothing goes on any more; say of nodes in one process which one ended all of them.
+
+    Raises
+    ------
+    BaseException
+        What went wrong in the cycle of a node that is alone in its process.
+    """
+    failed = [node for node in nodes if node.failure is not None]
+    for node in failed:
+        assert node.failure is not None
+        if len(nodes) == 1:
+            raise node.failure
+        traceback.print_exception(node.failure)
+        what = f"{type(node.failure).__name__}: {node.failure}"
+        print(f"{node.full_name} failed, and with it all nodes of its process: {what}", file=sys.stderr)
+    if failed:
+        return 1
+    left = [node.full_name for node in nodes if node.finished.done()]
+    if any(node.active for node in nodes) and left:
+        print(f"{', '.join(left)} was shut down, and with it the other nodes of its process", file=sys.stderr)
+        return 1
     return 0
 
 
-def _spin(node: PhilNode[Any], executor: Any, ending: Ending) -> None:
-    """Let a node work until it has finished or failed, or the process is asked to end."""
+def _spin(nodes: Sequence[PhilNode[Any]], executor: Any, ending: Ending) -> None:
+    """Let nodes work until all have finished, or one has failed, or the process is asked to end."""
     over = Future()
 
     def finish(_: object = None) -> None:
-        if not over.done():
+        done = [node.finished.done() for node in nodes]
+        if not over.done() and (all(done) or (any(done) and any(node.active for node in nodes))):
             over.set_result(None)
 
     def look() -> None:
         # The handlers of signals run when the main thread does something in Python: here at the latest.
-        if ending.asked or node.failure is not None or not rclpy.ok():
-            finish()
+        stops = ending.asked or any(node.failure is not None for node in nodes) or not rclpy.ok()
+        if stops and not over.done():
+            over.set_result(None)
 
-    node.finished.add_done_callback(finish)
-    node.create_timer(SIGNAL_SECONDS, look, clock=node.steady)
+    for node in nodes:
+        node.finished.add_done_callback(finish)
+    nodes[0].create_timer(SIGNAL_SECONDS, look, clock=nodes[0].steady)
     # One long turn: entering the executor costs 25 us, and each wait leaves a callback with the future for good.
     # Not spin(): it waits for messages in a busy loop.
     while rclpy.ok() and not over.done():

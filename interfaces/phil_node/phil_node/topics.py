@@ -22,7 +22,8 @@ MESSAGES, COMMAND, ACKNOWLEDGED = 0, 1, 2
 """First byte of what goes between the two processes."""
 
 NAMESAKES = 0
-"""Where `TopicsProcess.counts` has the number of nodes of this name on the domain."""
+"""Where `TopicsProcess.counts` has the number of nodes of this name on the domain; of a further node of the process
+behind it, with a minus: -1, -2, ..."""
 
 Command = tuple[Any, ...]
 Counts = dict[int, int]
@@ -78,7 +79,8 @@ class TopicsProcess:
         self._ears: dict[int, Callable[[bytes], None]] = {}
         self._next = 1
         self._room = memoryview(bytearray(LONGEST))
-        self._hello: Command | None = None
+        self._hellos: list[Command] = []
+        self._receiving = threading.Lock()
         self._start()
 
     def _start(self) -> None:
@@ -122,20 +124,22 @@ class TopicsProcess:
         """Tell whether the process is over."""
         return self._peer.gone or self._child.poll() is not None
 
-    def name(self, node: str, namespace: str) -> None:
-        """Tell whose process it is; the first thing to be said."""
-        self._hello = ("name", node, namespace)
-        self._tell(self._hello)
+    def name(self, node: str, namespace: str) -> int:
+        """Tell whose process it is, the first thing to be said; give the number of this node among several."""
+        owner = len(self._hellos)
+        self._hellos.append(("name", owner, node, namespace))
+        self._tell(self._hellos[owner])
+        return owner
 
-    def speak(self, kind: Any, name: str, profile: QoSProfile) -> int:
-        """Have a publisher made on a topic (full name); give its number."""
-        return self._enter(("publish", self._number(), name_of(kind), name, policies_of(profile)))
+    def speak(self, kind: Any, name: str, profile: QoSProfile, owner: int = 0) -> int:
+        """Have a publisher of node ``owner`` made on a topic (full name); give its number."""
+        return self._enter(("publish", self._number(), name_of(kind), name, policies_of(profile), owner))
 
-    def hear(self, kind: Any, name: str, profile: QoSProfile, callback: Callable[[bytes], None]) -> int:
+    def hear(self, kind: Any, name: str, profile: QoSProfile, callback: Callable[[bytes], None], owner: int = 0) -> int:
         """Have a topic (full name) listened to, unless it is linked; give its number. Messages come by `receive`."""
         number = self._number()
         self._ears[number] = callback
-        return self._enter(("listen", number, name_of(kind), name, policies_of(profile)))
+        return self._enter(("listen", number, name_of(kind), name, policies_of(profile), owner))
 
     def drop(self, number: int) -> None:
         """End a publisher or a subscription."""
@@ -148,14 +152,15 @@ class TopicsProcess:
         """Tell whether the sender of a topic that is listened to is linked."""
         self._state(f"linked {number}", ("linked", number, yes))
 
-    def active(self, yes: bool) -> None:
+    def active(self, yes: bool, owner: int = 0) -> None:
         """Tell whether the node takes messages."""
-        self._state("active", ("active", yes))
+        self._state(f"active {owner}", ("active", yes, owner))
 
-    def schedule(self, priority: int) -> None:
-        """Have its threads scheduled by SCHED_FIFO, and messages handed over at once; 0: neither."""
-        if self._states.get("schedule") != ("schedule", priority):
-            self._state("schedule", ("schedule", priority))
+    def schedule(self, priority: int, owner: int = 0) -> None:
+        """Have its threads scheduled by SCHED_FIFO, and messages handed over at once; 0: the node needs neither."""
+        command, key = ("schedule", priority, owner), f"schedule {owner}"
+        if self._states.get(key) != command:
+            self._state(key, command)
 
     def publish(self, messages: Iterable[Message]) -> None:
         """Have messages (CDR) published, each by the publisher of its number."""
@@ -171,22 +176,23 @@ class TopicsProcess:
 
     def receive(self) -> bool:
         """Take all that came: call back with what was heard, keep what was counted; False if the process is gone."""
-        while True:
-            try:
-                size = self._connection.recv_into(self._room)
-            except BlockingIOError:
-                return True
-            except OSError:
-                size = 0
-            if not size:
-                return False
-            self._take(self._room[0], bytes(self._room[1:size]))
+        with self._receiving:  # of several nodes in one process one may be beginning while another one takes
+            while True:
+                try:
+                    size = self._connection.recv_into(self._room)
+                except BlockingIOError:
+                    return True
+                except OSError:
+                    size = 0
+                if not size:
+                    return False
+                self._take(self._room[0], bytes(self._room[1:size]))
 
-    def acknowledged(self, seconds: float) -> None:
-        """Wait until those who listen have all that was published, at most ``seconds``; no other thread may receive."""
+    def acknowledged(self, seconds: float, owner: int = 0) -> None:
+        """Wait until those who listen to a node have all that it published, at most ``seconds``."""
         end = monotonic() + seconds
         self._answered = False
-        self._tell(("acknowledge", seconds))
+        self._tell(("acknowledge", seconds, owner))
         while not self._answered and monotonic() < end and not self.gone:
             self.go_on()
             select.select([self._connection], [], [], min(0.05, seconds))
@@ -203,9 +209,8 @@ class TopicsProcess:
             self._child.wait(0.1)
         self.counts = {}
         self._start()
-        for command in (self._hello, *self._entries.values(), *self._states.values()):
-            if command is not None:
-                self._tell(command)
+        for command in (*self._hellos, *self._entries.values(), *self._states.values()):
+            self._tell(command)
 
     def close(self) -> None:
         """Leave it: it ends by itself, or is ended."""

@@ -56,36 +56,37 @@ class Ear:
     name: str
     kind: Any
     profile: QoSProfile
+    owner: int = 0
     linked: bool = False
     since: float = field(default_factory=monotonic)
     subscription: Any = None
 
 
 class Topics:
-    """The process's node, with the publishers and subscriptions that it was told to have."""
+    """The process's nodes, each with the publishers and subscriptions that it was told to have.
+
+    It has one for each node of the process that started it: one, or several that share that process.
+    """
 
     def __init__(self, connection: socket.socket, name: str, namespace: str) -> None:
         self._connection = connection
-        self._reset = f"{namespace.rstrip('/')}/{name}/reset"
-        self._node = rclpy.create_node(
-            name,
-            namespace=f"{namespace.rstrip('/')}/topics",
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
         self._executor = events_executor()
-        self._executor.add_node(self._node)
+        self._nodes: dict[int, Any] = {}
+        self._resets: dict[int, str] = {}
+        self._name(0, name, namespace)
         self._publishers: dict[int, Any] = {}
+        self._owners: dict[int, int] = {}
+        """Publishers and subscriptions by number to the node whose they are."""
         self._ears: dict[int, Ear] = {}
         self._heard: deque[tuple[int, int, bytes]] = deque(maxlen=HELD)
         self._counts: Counts = {}
         self._sending = threading.Lock()
         self._wake = threading.Event()
         self._at_once = False
-        self._active = False
+        self._priorities: dict[int, int] = {}
+        self._active: set[int] = set()
         self._over = Future()
-        self._timer = self._node.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = self._nodes[0].create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def run(self) -> None:
         """Serve until the node's process closes its end."""
@@ -93,6 +94,17 @@ class Topics:
             threading.Thread(target=loop, daemon=True).start()
         while not self._over.done():
             self._executor.spin_until_future_complete(self._over, timeout_sec=FOREVER)
+
+    def _name(self, owner: int, name: str, namespace: str) -> None:
+        self._resets[owner] = f"{namespace.rstrip('/')}/{name}/reset"
+        self._nodes[owner] = rclpy.create_node(
+            name,
+            namespace=f"{namespace.rstrip('/')}/topics",
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor.add_node(self._nodes[owner])
 
     # From the node ----------------------------------------------------------------------------------------------
 
@@ -127,7 +139,7 @@ class Topics:
             try:
                 action()
             except Exception as error:
-                print(f"{self._node.get_fully_qualified_name()}: {error}", file=sys.stderr, flush=True)
+                print(f"{self._nodes[0].get_fully_qualified_name()}: {error}", file=sys.stderr, flush=True)
             finally:
                 done.set()
 
@@ -136,14 +148,17 @@ class Topics:
 
     def _do(self, command: Command) -> None:
         verb, rest = command[0], command[1:]
-        if verb == "publish":
-            index, kind, name, profile = rest
-            self._publishers[index] = self._node.create_publisher(
+        if verb == "name":
+            self._name(*rest)
+        elif verb == "publish":
+            index, kind, name, profile, owner = rest
+            self._owners[index] = owner
+            self._publishers[index] = self._nodes[owner].create_publisher(
                 kind_of(kind), name, profile_of(profile), event_callbacks=NO_PUBLISHER_EVENTS
             )
         elif verb == "listen":
-            index, kind, name, profile = rest
-            self._ears[index] = Ear(index, name, kind_of(kind), profile_of(profile))
+            index, kind, name, profile, owner = rest
+            self._ears[index] = Ear(index, name, kind_of(kind), profile_of(profile), owner)
         elif verb == "drop":
             self._drop(rest[0])
         elif verb == "linked":
@@ -151,29 +166,34 @@ class Topics:
             if ear is not None:
                 ear.linked, ear.since = rest[1], monotonic()
         elif verb == "active":
-            self._active = rest[0]
+            yes, owner = rest
+            self._active = self._active | {owner} if yes else self._active - {owner}
             for ear in self._ears.values():
-                ear.since = monotonic()
+                if ear.owner == owner:
+                    ear.since = monotonic()
         elif verb == "schedule":
-            self._at_once = bool(rest[0])
-            schedule(rest[0])
+            self._priorities[rest[1]] = rest[0]
+            highest = max(self._priorities.values())
+            self._at_once = bool(highest)
+            schedule(highest)
         elif verb == "acknowledge":
-            self._acknowledge(rest[0])
+            self._acknowledge(*rest)
         self._look()
 
     def _drop(self, index: int) -> None:
         publisher, ear = self._publishers.pop(index, None), self._ears.pop(index, None)
         if publisher is not None:
-            self._node.destroy_publisher(publisher)
+            self._nodes[self._owners.pop(index)].destroy_publisher(publisher)
         if ear is not None and ear.subscription is not None:
-            self._node.destroy_subscription(ear.subscription)
+            self._nodes[ear.owner].destroy_subscription(ear.subscription)
         self._counts.pop(index, None)
 
-    def _acknowledge(self, seconds: float) -> None:
-        """Wait until listeners have what was published, and say so. A dead one costs all of the time."""
+    def _acknowledge(self, seconds: float, owner: int) -> None:
+        """Wait until listeners have what a node published, and say so. A dead one costs all of the time."""
         end = monotonic() + seconds
-        for publisher in self._publishers.values():
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+        for index, publisher in self._publishers.items():
+            if self._owners[index] == owner:
+                publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
         self._send(bytes([ACKNOWLEDGED]))
 
     # To the node ------------------------------------------------------------------------------------------------
@@ -181,32 +201,34 @@ class Topics:
     def _look(self) -> None:
         """Listen where that is called for, and tell how many listen."""
         now = monotonic()
-        counts: Counts = {NAMESAKES: self._node.count_services(self._reset)}
+        node = self._nodes[0]  # all see the same graph
+        counts: Counts = {NAMESAKES - owner: node.count_services(name) for owner, name in self._resets.items()}
         for ear in self._ears.values():
-            counts[ear.index] = int(self._node.count_publishers(ear.name))
+            counts[ear.index] = int(node.count_publishers(ear.name))
             alone = ear.linked and counts[ear.index] <= 1
-            if ear.subscription is None and self._active and not alone and (ear.linked or now - ear.since >= GRACE):
-                ear.subscription = self._node.create_subscription(
+            wanted = ear.owner in self._active and not alone
+            if ear.subscription is None and wanted and (ear.linked or now - ear.since >= GRACE):
+                ear.subscription = self._nodes[ear.owner].create_subscription(
                     ear.kind,
                     ear.name,
-                    self._hearer(ear.index),
+                    self._hearer(ear.index, ear.owner),
                     ear.profile,
                     raw=True,
                     event_callbacks=NO_SUBSCRIPTION_EVENTS,
                 )
             elif ear.subscription is not None and alone and now - ear.since >= 2.0 * GRACE:
-                self._node.destroy_subscription(ear.subscription)
+                self._nodes[ear.owner].destroy_subscription(ear.subscription)
                 ear.subscription = None
         counts |= {index: int(each.get_subscription_count()) for index, each in self._publishers.items()}
         if counts != self._counts:
             self._counts = counts
             self._send(bytes([COMMAND]) + pickle.dumps(("counts", counts)))
 
-    def _hearer(self, index: int) -> Callable[[bytes], None]:
+    def _hearer(self, index: int, owner: int) -> Callable[[bytes], None]:
         heard, wake = self._heard, self._wake
 
         def hear(data: bytes) -> None:
-            if not self._active:
+            if owner not in self._active:
                 return  # nobody would take it, and then it would stand in the way
             heard.append((index, 0, data))
             if self._at_once:
@@ -273,7 +295,7 @@ def main() -> None:
     if not first:
         os._exit(0)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    _, name, namespace = pickle.loads(first[1:])
+    _, _, name, namespace = pickle.loads(first[1:])
     Topics(connection, name, namespace).run()
 
 

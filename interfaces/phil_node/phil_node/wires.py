@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from time import monotonic
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
@@ -15,11 +15,15 @@ from rclpy.serialization import serialize_message
 
 from phil_base.scheduling import IN_CYCLE
 from phil_node.cycle_thread import CycleThread
+from phil_node.exchange import Box, HandedCycles, HandedFollower
 from phil_node.link import Inlet, Outlet, address
 from phil_node.outbox import Outbox, Topic
 from phil_node.paths import CycleReceiver, CycleSender, Follower, Receiver, Sender
 from phil_node.qos import NO_PUBLISHER_EVENTS, NO_SUBSCRIPTION_EVENTS
 from phil_node.topics import NAMESAKES, TopicsProcess
+
+if TYPE_CHECKING:
+    from phil_node.composition import Composition, Member
 
 R = TypeVar("R", bound=Receiver)
 
@@ -50,12 +54,18 @@ class Wires:
         self._node: Any = node
         self._lock: Any = lock
         self._priority = priority
-        self.thread = CycleThread(lock, failed, self._look, role)
+        self.thread: CycleThread | Member = CycleThread(lock, failed, self._look, role)
         self.open = False
         self.process: TopicsProcess | None = None
+        self._owner = 0
+        """The node's number in the process for topics."""
+        self._together: Composition | None = None
+        self._failed = failed
+        self._speaking = False
         self._outbox = Outbox("publish" if role in IN_CYCLE else role)
         self._receivers: list[Receiver] = []
-        self._outlets: list[Outlet] = []
+        self._topics: list[Topic] = []
+        self._outlets: list[Outlet | Box] = []
         self._heard: dict[int, str] = {}
         """Topics that are listened to by the process for topics, by their numbers."""
         self._diagnostics: Topic | None = None
@@ -63,9 +73,22 @@ class Wires:
 
     def use(self, process: TopicsProcess) -> None:
         """Speak and listen by a process of its own; before there is any topic."""
-        process.name(self._node.get_name(), self._node.get_namespace())
+        self._owner = process.name(self._node.get_name(), self._node.get_namespace())
         self.process = self._outbox.process = process
-        self._diagnostics = Topic("/diagnostics", process.speak(DiagnosticArray, "/diagnostics", DIAGNOSTICS), None, 0)
+        number = process.speak(DiagnosticArray, "/diagnostics", DIAGNOSTICS, self._owner)
+        self._diagnostics = Topic("/diagnostics", number, None, 0)
+
+    def share(self, together: Composition) -> None:
+        """Share thread, outbox and process for topics with other nodes of this process; before there is any topic."""
+        self._together = together
+        self._outbox = together.outbox
+        self.thread = together.member(self._lock, self._failed, self._look)
+        self.use(together.process)
+
+    @property
+    def alone(self) -> bool:
+        """Tell whether no other node shares the threads."""
+        return self._together is None
 
     # Topics -----------------------------------------------------------------------------------------------------
 
@@ -76,7 +99,12 @@ class Wires:
     def cycle_sender(self, kind: Any, name: str, qos: QoSProfile, peers: int) -> CycleSender:
         """Create a publisher of a message a cycle that ``peers`` nodes of the loop wait for; it links them as well."""
         topic = self._topic(kind, name, qos)
-        outlet = Outlet(address(self._domain, topic.name), peers)
+        outlet: Outlet | Box
+        if topic.box is not None:
+            outlet = topic.box
+            outlet.wanted = peers
+        else:
+            outlet = Outlet(address(self._domain, topic.name), peers)
         self._outlets.append(outlet)
         return CycleSender(topic, self._outbox, outlet)
 
@@ -87,10 +115,13 @@ class Wires:
             publisher = self._node.create_publisher(kind, name, qos, event_callbacks=NO_PUBLISHER_EVENTS)
             self._owned.append((self._node.destroy_publisher, publisher))
         kept = qos.depth if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL else 0
-        speaker = publisher.handle if self.process is None else self.process.speak(kind, full, qos)
+        speaker = publisher.handle if self.process is None else self.process.speak(kind, full, qos, self._owner)
         topic = Topic(full, speaker, Outlet(address(self._domain, full, followed=True), 0), kept)
         topic.open = self.open
-        self._outbox.topics.append(topic)
+        if self._together is not None:
+            topic.box = self._together.exchange.open(full, kind, kept)
+        self._topics.append(topic)
+        self._outbox.topics = [*self._outbox.topics, topic]
         return topic
 
     def latched(self, kind: Any, name: str, qos: QoSProfile) -> Any:
@@ -104,7 +135,6 @@ class Wires:
     ) -> R:
         """Listen, by the link to the sender if there is one; while the wires are not open only if ``always``."""
         full, process = self._node.resolve_topic_name(name), self.process
-        inlet = Inlet(address(self._domain, full, followed=way is Follower))
         number = 0
 
         def from_topic(data: bytes) -> None:
@@ -123,9 +153,14 @@ class Wires:
             if process is not None:
                 process.linked(number, yes)
 
-        receiver = way(kind, inlet, self.thread, take, linked)
+        receiver: Receiver
+        if isinstance(self.thread, CycleThread):
+            inlet = Inlet(address(self._domain, full, followed=way is Follower))
+            receiver = way(kind, inlet, self.thread, take, linked)
+        else:
+            receiver = (HandedFollower if way is Follower else HandedCycles)(kind, full, self.thread, take, linked)
         if process is not None:
-            number = process.hear(kind, full, qos, from_topic)
+            number = process.hear(kind, full, qos, from_topic, self._owner)
             self._heard[number] = full
             self._owned.append((process.drop, number))
         else:
@@ -134,7 +169,7 @@ class Wires:
             )
             self._owned.append((self._node.destroy_subscription, subscription))
         self._receivers.append(receiver)
-        return receiver
+        return receiver  # type: ignore[return-value]  # it is one of that way
 
     @property
     def _domain(self) -> int:
@@ -168,6 +203,7 @@ class Wires:
                 receiver.drain()
         self._set(True)
         self._outbox.start()
+        self._speaking = True
 
     def begin(self) -> None:
         """Let the cycle run."""
@@ -184,12 +220,14 @@ class Wires:
     def disconnect(self) -> None:
         """Publish what waits, and speak no more."""
         self._set(False)
-        self._outbox.stop()
+        if self._speaking:
+            self._speaking = False
+            self._outbox.stop()
 
     def hand_over(self) -> None:
         """Let slow listeners take what was sent: with the publisher its samples go. A dead listener costs a second."""
         deadline = monotonic() + HAND_OVER
-        self._outbox.hand_over(HAND_OVER)
+        self._outbox.hand_over(HAND_OVER, self._owner)
         for destroy, entity in self._owned:
             if destroy == self._node.destroy_publisher:
                 entity.wait_for_all_acked(Duration(seconds=max(0.0, deadline - monotonic())))
@@ -199,33 +237,35 @@ class Wires:
         for receiver in self._receivers:
             receiver.close()
         for outlet in self._outlets:
-            if outlet.alone:
+            if isinstance(outlet, Outlet) and outlet.alone:
                 self.thread.forget(outlet.held.fileno())
             outlet.close()
-        for topic in self._outbox.topics:
+        self._outbox.topics = [topic for topic in self._outbox.topics if topic not in self._topics]
+        for topic in self._topics:
             if topic.outlet is not None:
                 topic.outlet.close()
+            if self._together is not None and topic.box is not None:
+                self._together.exchange.close(topic.name, topic.box)
             if self.process is not None:
                 self.process.drop(topic.publisher)
         for destroy, entity in reversed(self._owned):
             destroy(entity)
-        for several in (self._receivers, self._outlets, self._outbox.topics, self._owned):
+        for several in (self._receivers, self._outlets, self._topics, self._owned):
             several.clear()  # type: ignore[attr-defined]  # lists of different kinds
         self._heard.clear()
 
     def close(self) -> None:
-        """End the threads and the process; the node's own entities go with it."""
-        self.open = False
-        self.thread.stop()
-        self._outbox.stop()
+        """End the threads and the process, unless others share them; the node's own entities go with it."""
+        self.halt()
+        self.disconnect()
         self.clear()
-        if self.process is not None:
+        if self.process is not None and self._together is None:
             self.process.close()
 
     def _set(self, yes: bool) -> None:
         if self.process is not None:
-            self.process.active(yes)
-        for topic in self._outbox.topics:
+            self.process.active(yes, self._owner)
+        for topic in self._topics:
             topic.open = yes
         self.open = yes
 
@@ -241,13 +281,14 @@ class Wires:
     def _look(self) -> None:
         """Link who has come; in the cycle's thread."""
         for outlet in self._outlets:
-            if outlet.alone:
+            if isinstance(outlet, Outlet) and outlet.alone:
                 self.thread.watch(outlet.held.fileno(), outlet.accept)
         for receiver in self._receivers:
             receiver.look()
         if self.process is not None:
             linked = all(len(outlet.peers) >= outlet.wanted for outlet in self._outlets)
-            self.process.schedule(self._priority(linked and all(receiver.linked for receiver in self._receivers)))
+            linked = linked and all(receiver.linked for receiver in self._receivers)
+            self.process.schedule(self._priority(linked), self._owner)
 
     # Figures ------------------------------------------------------------------------------------------------------
 
@@ -262,7 +303,7 @@ class Wires:
             found["process for topics"] = str(process.pid)
             found["restarts of it"] = str(process.deaths)
             found["batches not published"] = str(process.dropped)
-        followed = sum(topic.outlet.dropped for topic in self._outbox.topics if topic.outlet is not None)
+        followed = sum(topic.outlet.dropped for topic in self._topics if topic.outlet is not None)
         found["messages dropped by links"] = str(followed + sum(outlet.dropped for outlet in self._outlets))
         return found
 
@@ -277,4 +318,4 @@ class Wires:
         """Count the nodes of this name; a look at the graph may wait for DDS, and would keep the cycle waiting."""
         if self.process is None:
             return int(self._node.count_services(f"{self._node.full_name}/reset"))
-        return self.process.counts.get(NAMESAKES, 0)
+        return self.process.counts.get(NAMESAKES - self._owner, 0)

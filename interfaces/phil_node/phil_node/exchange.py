@@ -1,0 +1,206 @@
+"""Messages from node to node of one process: handed over in the order in which they were sent, by one thread.
+
+It stands in the place of the sockets of `phil_node.link` when several nodes share a process. What is sent is written
+once, as for everybody; the receivers here are given one reading of these bytes, which they share. Its arrays are views
+of bytes that never change, so nobody sees what a sender writes next, and nobody can change what another one reads.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from phil_node.cdr import Reader
+from phil_node.paths import CycleReceiver, Follower, Receiver
+
+PORTION = 48
+"""Messages that are handed over at a stretch before the thread looks at clock and sockets: 16 cycles of the loop."""
+
+
+class Box:
+    """A topic on which a node of this process speaks: who of its loop waits for it, and who follows it."""
+
+    def __init__(self, exchange: Exchange, kind: Any, kept: int) -> None:
+        """Take messages of a kind, of which the last ``kept`` are for who comes late."""
+        self._exchange = exchange
+        self.reader = Reader(kind)
+        self.wanted = 0
+        """Nodes of the loop that wait for what is sent."""
+        self.peers: tuple[Receiver, ...] = ()
+        self.followers: tuple[Receiver, ...] = ()
+        self.kept: deque[bytes] | None = deque(maxlen=kept) if kept else None
+
+    alone = False
+    """There is no socket at which somebody could ask to be let in."""
+    dropped = 0
+    """What is sent here waits until it is taken."""
+
+    def send(self, data: bytes) -> None:
+        """Hand a message (CDR) over, soon and in turn; never here and now, so that a sender is never called back."""
+        if self.peers or self.followers or self.kept is not None:
+            self._exchange.post(self, data)
+
+    def close(self) -> None:
+        """Leave all; what waits is handed over to nobody."""
+        for receiver in (*self.peers, *self.followers):
+            receiver.gone()  # type: ignore[attr-defined]  # receivers of this module
+        self.peers = self.followers = ()
+
+
+class Exchange:
+    """Hands messages over, in the thread that calls `deliver`; nodes of the loop first, then those who follow."""
+
+    def __init__(self, wake: Callable[[], None]) -> None:
+        """Take what wakes that thread up."""
+        self._wake = wake
+        self._boxes: dict[str, Box] = {}
+        self._waiting: deque[tuple[Box, bytes]] = deque()
+        self._followed: deque[tuple[Box, Any, bytes]] = deque()
+        self._busy = False
+        self._entering = threading.Lock()
+
+    def open(self, name: str, kind: Any, kept: int) -> Box:
+        """Open a topic (full name) to be spoken on; a second one of that name takes its place."""
+        self._boxes[name] = box = Box(self, kind, kept)
+        return box
+
+    def close(self, name: str, box: Box) -> None:
+        """Close a topic."""
+        if self._boxes.get(name) is box:
+            del self._boxes[name]
+        box.close()
+
+    def box(self, name: str) -> Box | None:
+        """Give the topic of that name, if a node of this process speaks on it."""
+        return self._boxes.get(name)
+
+    def join(self, box: Box, receiver: Receiver, follows: bool) -> list[bytes]:
+        """Let a receiver take what is sent from now on; give what was kept for it."""
+        with self._entering:
+            if not follows:
+                box.peers = (*box.peers, receiver)
+                return []
+            box.followers = (*box.followers, receiver)
+            return list(box.kept or ())
+
+    def leave(self, box: Box, receiver: Receiver) -> None:
+        """Let a receiver take no more."""
+        with self._entering:
+            box.peers = tuple(other for other in box.peers if other is not receiver)
+            box.followers = tuple(other for other in box.followers if other is not receiver)
+
+    def post(self, box: Box, data: bytes) -> None:
+        """Let a message wait for its turn, and wake the thread that hands it over unless it is at it."""
+        self._waiting.append((box, data))
+        if not self._busy:
+            self._wake()
+
+    def deliver(self) -> bool:
+        """Hand over what waits, a portion at most; tell whether more waits."""
+        waiting, followed = self._waiting, self._followed
+        self._busy = True
+        left = PORTION
+        while waiting and left:
+            left -= 1
+            box, data = waiting.popleft()
+            message = box.reader.read(data)
+            with self._entering:
+                peers, followers = box.peers, box.followers
+                if box.kept is not None:
+                    box.kept.append(data)
+            for receiver in peers:
+                receiver.take(message, data)  # type: ignore[attr-defined]
+            if followers:
+                followed.append((box, message, data))
+        while followed:
+            box, message, data = followed.popleft()
+            for receiver in box.followers:
+                receiver.take(message, data)  # type: ignore[attr-defined]
+        # First this, then the look: what is sent in between is seen by one of the two.
+        self._busy = bool(waiting)
+        return self._busy or bool(waiting)
+
+    def clear(self) -> None:
+        """Drop what waits."""
+        self._waiting.clear()
+        self._followed.clear()
+
+
+class _Handed:
+    """Makes a receiver of one that takes messages by a socket: it is handed them over by an `Exchange`."""
+
+    follows = False
+
+    def __init__(
+        self,
+        kind: Any,
+        name: str,
+        member: Any,
+        callback: Callable[[Any], None],
+        linked: Callable[[bool], None],
+    ) -> None:
+        """Take messages of a topic (full name) for a `composition.Member`; say it when they come and when not."""
+        super().__init__(kind, None, member, callback, linked)  # type: ignore[call-arg]
+        self._name, self._member = name, member
+        self._box: Box | None = None
+        self._late: list[bytes] = []
+
+    @property
+    def linked(self) -> bool:
+        """Tell whether the sender is in this process."""
+        return self._box is not None
+
+    def look(self) -> None:
+        """Join if the sender is there."""
+        exchange = self._member.exchange
+        if self._box is None and (box := exchange.box(self._name)) is not None:
+            self._box = box
+            self._late = exchange.join(box, self, self.follows)
+            self._tell(True)  # type: ignore[attr-defined]
+
+    def gone(self) -> None:
+        """Take note that the sender is gone."""
+        if self._box is not None:
+            self._box = None
+            self._tell(False)  # type: ignore[attr-defined]
+
+    def close(self) -> None:
+        """Leave, and forget what came."""
+        with self._member.lock:
+            self._once.clear()  # type: ignore[attr-defined]
+            if self._box is not None:
+                self._member.exchange.leave(self._box, self)
+                self.gone()
+
+    def drain(self) -> None:
+        """Take what was kept."""
+        late, self._late = self._late, []
+        with self._member.lock:
+            for data in late:
+                self._take_link(data)  # type: ignore[attr-defined]
+
+    def take(self, message: Any, data: bytes) -> None:
+        """Take a message that was handed over, as it reads and as it was written."""
+        member = self._member
+        with member.lock:
+            if member.running and self._box is not None and self._once.from_link(data):  # type: ignore[attr-defined]
+                try:
+                    self._callback(message)  # type: ignore[attr-defined]
+                except BaseException as error:
+                    member.failed(error)
+                    raise
+
+
+class HandedCycles(_Handed, CycleReceiver):
+    """Takes messages that peers of the loop in this process send one by one."""
+
+
+class HandedFollower(_Handed, Follower):
+    """Takes messages of a sender in this process behind those of the loop."""
+
+    follows = True
+
+    def _take_link(self, data: bytes) -> None:
+        Receiver._take_link(self, data)
