@@ -112,3 +112,11 @@ def lockstep_ride(tmp_path_factory: pytest.TempPathFactory) -> RideProcess:
     done = RideProcess(tmp_path_factory.mktemp("rides") / "lockstep", "--duration", "3", "--seed", "7")
     done.finish(240.0)
     return done
+
+
+@pytest.fixture(scope="session")
+def composed_ride(tmp_path_factory: pytest.TempPathFactory) -> RideProcess:
+    """Ride as `lockstep_ride` does, with the nodes in one process."""
+    done = RideProcess(tmp_path_factory.mktemp("rides") / "composed", "--duration", "3", "--seed", "7", "--composed")
+    done.finish(240.0)
+    return done

@@ -49,7 +49,7 @@ def test_a_node_works_in_one_turn_until_something_ends_it(monkeypatch, happens):
     monkeypatch.setattr(Context, "ok", True)
     monkeypatch.setattr(process.rclpy, "ok", lambda: Context.ok)
     node = Node(happens)
-    process._spin(node, node, node)
+    process._spin([node], node, node)
     assert node.looks == 3 and node.turns == 1
 
 
