@@ -14,12 +14,13 @@ from rclpy.wait_for_message import wait_for_message
 from std_srvs.srv import SetBool
 
 from impedance_mpc.asking import Asking
-from impedance_mpc.controller import Command, EnvironmentReading, RigReading
+from impedance_mpc.controller import EnvironmentReading, RigReading
+from impedance_mpc.cycle import BOOKS_EVERY, Answer, ControllerCycle
 from impedance_mpc.pairing import LONGEST, Arrival, CyclePairs
 from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
-from phil_base.enumerations import FOLLOWING, Correction, SolverStatus
+from phil_base.enumerations import Correction
 from phil_base.guard import finite, finite_array, objection, plausible
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
@@ -29,8 +30,6 @@ from phil_node.signals import asked_to_end
 
 MODEL_PART = 2.5
 """Time in s that the reduced model is waited for at a stretch."""
-BOOKS_EVERY = 10
-"""Cycles from one message of the conserved quantities to the next."""
 RIG_NUMBERS = ("w_tr", "v_tr", "f_tr", "reference", "work", "impulse")
 SEGMENT = ("segment_displacement", "segment_velocity", "segment_acceleration", "segment_force")
 WIRE_NUMBERS = ("w_cat", "v_cat", "f_cat", "work", "impulse", *SEGMENT)
@@ -46,6 +45,7 @@ class ImpedanceNode(PhilNode[Parameters]):
     def __init__(self) -> None:
         super().__init__("impedance_mpc", Parameters)
         self.serve(SetBool, "~/set_correction", self._set_correction)
+        self.cycle: ControllerCycle
         self.switch: EnvironmentSwitch
         self.pairs: CyclePairs[RigState, CatenaryState] = CyclePairs()
         self.over = False
@@ -57,7 +57,8 @@ class ImpedanceNode(PhilNode[Parameters]):
     def build(self) -> None:
         """Wait for the impedance model, design the controllers, compile their kernels, open the topics."""
         model = self._receive_model()
-        self.switch = EnvironmentSwitch(self.parameters, model)
+        self.cycle = ControllerCycle(self.parameters, model)
+        self.switch = self.cycle.switch
         self.switch.warm_up()
         zeros = np.zeros(model.n)
         self.segment = (zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy())
@@ -84,7 +85,7 @@ class ImpedanceNode(PhilNode[Parameters]):
 
     def reset(self) -> None:
         """Forget states, plan and books and wait for cycle 0."""
-        self.switch.reset()
+        self.cycle.reset()
         self.pairs.clear()
         self.over = False
         self.unusable = 0
@@ -265,12 +266,12 @@ class ImpedanceNode(PhilNode[Parameters]):
             qd[:] = wire.segment_velocity
             qdd[:] = wire.segment_acceleration
             held[:] = wire.segment_force
-            result = self.switch.command(
+            answer = self.cycle.answer(
                 RigReading(rig.w_tr, rig.v_tr, rig.f_tr, rig.reference, rig.work, rig.impulse),
                 EnvironmentReading(q, qd, qdd, held, wire.w_cat, wire.v_cat, wire.f_cat, wire.work, wire.impulse),
-                rig.mode in FOLLOWING,
+                rig.mode,
             )
-            self._send(rig, cycle, result)
+            self._send(rig, cycle, answer)
             self.timing.missing = self.pairs.missing
             self.timing.end(rig.header, cycle)
             if cycle % BOOKS_EVERY == 0:
@@ -280,32 +281,48 @@ class ImpedanceNode(PhilNode[Parameters]):
                 self.timing.flush(rig.header, cycle)
             self.timing.begin()
 
-    def _send(self, rig: RigState, cycle: int, result: Command) -> None:
-        answer = self.answer
-        answer.header.stamp = rig.header.stamp
-        answer.cycle = cycle
-        answer.u_tr, answer.u_tr_next = result.u_tr, result.u_tr_next
-        answer.f_tr, answer.f_predicted = result.f_tr, result.f_predicted
-        answer.f_cor, answer.f_cat = result.f_cor, self.switch.force_on_catenary
-        answer.environment, answer.w_env, answer.v_env = self.switch.active, self.switch.w, self.switch.v
-        answer.f_cor_lower, answer.f_cor_upper = result.f_cor_lower, result.f_cor_upper
-        answer.correction, answer.status = result.correction, result.status
-        answer.iterations = 0 if result.status == SolverStatus.FALLBACK else min(result.iterations, 65535)
-        answer.fallbacks = result.fallbacks
-        self.commands.publish(self.answer)
+    def _send(self, rig: RigState, cycle: int, answer: Answer) -> None:
+        message = self.answer
+        message.header.stamp = rig.header.stamp
+        message.cycle = cycle
+        (
+            message.u_tr,
+            message.u_tr_next,
+            message.f_tr,
+            message.f_predicted,
+            message.f_cor,
+            message.f_cat,
+            message.f_cor_lower,
+            message.f_cor_upper,
+            message.correction,
+            message.environment,
+            message.status,
+            message.iterations,
+            message.fallbacks,
+            message.w_env,
+            message.v_env,
+        ) = answer
+        self.commands.publish(message)
         self._asking.sent(monotonic())
 
     def _send_books(self, rig: RigState, cycle: int) -> None:
         message, books = self.quantities, self.switch.books
         message.header.stamp = rig.header.stamp
         message.cycle = cycle
-        message.e_tr, message.e_cat, message.delta_e = books.e_tr, books.e_cat, books.delta_e
-        message.p_tr, message.p_cat, message.delta_p = books.p_tr, books.p_cat, books.delta_p
-        message.exchanged_energy = books.exchanged_energy
-        message.exchanged_momentum = books.exchanged_momentum
-        message.work_tr, message.work_cat, message.delta_work = books.work_tr, books.work_cat, books.delta_work
-        message.impulse_tr, message.impulse_cat = books.impulse_tr, books.impulse_cat
-        self.books.publish(self.quantities)
+        (
+            message.e_tr,
+            message.e_cat,
+            message.p_tr,
+            message.p_cat,
+            message.work_tr,
+            message.work_cat,
+            message.impulse_tr,
+            message.impulse_cat,
+            message.exchanged_energy,
+            message.exchanged_momentum,
+        ) = books.totals
+        message.delta_e, message.delta_p, message.delta_work = books.delta_e, books.delta_p, books.delta_work
+        self.books.publish(message)
 
 
 def main() -> None:

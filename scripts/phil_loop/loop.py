@@ -230,7 +230,7 @@ class ClosedLoop:
         q, qd, qdd, held = catenary.state.segment
         moment = Moment()
         moment.loop = self
-        state, k = rig.rig.state, 0
+        state, k = rig.state, 0
         while True:
             if k in due:
                 for action in due[k]:

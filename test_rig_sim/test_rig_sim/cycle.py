@@ -26,8 +26,9 @@ def last_cycle_of(duration: float, cycle_time: float) -> int:
 class RigCycle:
     """The simulated rig under its supervisor, cycle by cycle.
 
-    ``found`` are rules in place of those that the parameters give. ``cycle`` is k, ``mode`` what the drive did until
-    t_k (`RigState.mode`), ``last_cycle`` where the ride ends, or where its landing begins.
+    ``found`` are rules in place of those that the parameters give. ``cycle`` is k, ``state`` the
+    rig at t_k, ``mode`` what the drive did until then (`RigState.mode`), ``last_cycle`` where the ride ends, or where
+    its landing begins.
 
     Raises
     ------
@@ -44,7 +45,8 @@ class RigCycle:
     def restart(self, p: "Parameters") -> None:
         """Begin anew with cycle 0, at rest; an uplift force that was changed stays."""
         self.rig.reset()
-        self.supervisor = supervisor_for(p, self.rules, self.rig.state.reference)
+        self.state: RigSample = self.rig.state
+        self.supervisor = supervisor_for(p, self.rules, self.state.reference)
         self.lands = p.land_at_end
         self.cycle = 0
         self.mode = Mode.HOLD
@@ -92,7 +94,7 @@ class RigCycle:
         self.ramp = ramp
         rig.advance(ramp.start, ramp.end)
         self.mode = supervisor.mode
-        state = rig.state
+        self.state = state = rig.state
         supervisor.watch(state.w_tr, state.v_tr, state.f_tr, state.current, state.saturated == rig.plant.inner_steps)
         self.cycle += 1
         if self.lands and self.cycle == self.last_cycle:

@@ -16,12 +16,10 @@ from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
 from phil_node.qos import CYCLE, VIEW
+from test_rig_sim.cycle import RigCycle
 from test_rig_sim.diagnosis import diagnosis, missing_command, missing_listeners, to_go_on
-from test_rig_sim.operation import rules, supervisor_for
 from test_rig_sim.pacing import CycleClock
 from test_rig_sim.parameters import Parameters
-from test_rig_sim.rig import Rig
-from test_rig_sim.supervisor import Ramp
 
 REPEAT_AFTER = 0.25  # s without an answer after which the last state is published again
 LISTENERS_STABLE = 0.5  # s for which the listeners have to be there before cycle 0
@@ -56,14 +54,12 @@ class RigNode(PhilNode[Parameters]):
         """Design the inner loop, compile the step, create the topics."""
         p = self.parameters
         self._period = p.cycle_time
-        self._last_cycle = max(1, round(p.duration / p.cycle_time)) - 1 if p.duration > 0.0 else -1
-        self._rig = Rig(p)
-        self._rules = rules(p, self._rig.plant.loop)
-        self._rig.advance(0.0, 0.0)
+        self._drive = RigCycle(p)
+        self._drive.rig.advance(0.0, 0.0)
         self._message = Plan(RigState, "rig").writer().message
         self._joints = JointState()
         self._joints.header.frame_id = "rig"
-        self._joints.name = ["drive", *(f"pantograph_{i}" for i in range(1, self._rig.bodies)), "pantograph_head"]
+        self._joints.name = ["drive", *(f"pantograph_{i}" for i in range(1, self._drive.rig.bodies)), "pantograph_head"]
         self._wrench = WrenchStamped()
         self._wrench.header.frame_id = "rig"
         self._state_out = self.send_cycles(RigState, "test_rig_sim/state", CYCLE, peers=1)
@@ -96,25 +92,20 @@ class RigNode(PhilNode[Parameters]):
     def changed(self, names: frozenset[str]) -> None:
         """Switch the operating mode, or change the pantograph's pressure: the next cycle begins with it."""
         if "operating_mode" in names:
-            self._supervisor.select(self.parameters.operating_mode)
+            self._drive.supervisor.select(self.parameters.operating_mode)
         if "uplift_force" in names:
-            self._rig.set_uplift_force(self.parameters.uplift_force)
+            self._drive.rig.set_uplift_force(self.parameters.uplift_force)
 
     def _restart(self) -> None:
         p = self.parameters
         self._tick.cancel()
-        self._rig.reset()
-        self._supervisor = supervisor_for(p, self._rules, self._rig.state.reference)
+        self._drive.restart(p)
         self._pacing = CycleClock(p.cycle_time)
-        self._lands_at = self._last_cycle if p.land_at_end else -1
         self._reported = Mode.HOLD
-        self._cycle = 0
         self._commands.clear()
         self._phase = WAITING
         self._command: tuple[float, float] | None = None
         self._answered = self._old_plan = False
-        self._shown_mode = Mode.HOLD
-        self._resting = False
         self._late_ticks = 0
         self._newest, self._first = -1, 0.0  # newest cycle that was commanded, and to where, in m
         self._published_at = [0.0] * MEMORY
@@ -127,7 +118,7 @@ class RigNode(PhilNode[Parameters]):
 
     def _take_command(self, message: ImpedanceCommand) -> None:
         cycle, counts = message.cycle, self._commands
-        if self._phase == WAITING or cycle > self._cycle:
+        if self._phase == WAITING or cycle > self._drive.cycle:
             # From before a reset: nobody can have answered a cycle that was not published.
             self.timing.stale += 1
             return
@@ -138,74 +129,56 @@ class RigNode(PhilNode[Parameters]):
             if cycle < self._newest:
                 self.timing.stale += 1
             elif message.u_tr != self._first and isfinite(message.u_tr) and isfinite(self._first):
-                self._supervisor.contradict(cycle, message.u_tr, self._first)
+                self._drive.supervisor.contradict(cycle, message.u_tr, self._first)
             return
         self._newest, self._first = cycle, message.u_tr
         turnaround = time.monotonic() - self._published_at[cycle % MEMORY]
         self.timing.add(turnaround, message.header, cycle)
-        admissible = self._supervisor.admissible(message.u_tr, message.u_tr_next)
-        if not admissible:
+        why = self._drive.objection(message.u_tr, message.u_tr_next)
+        if why:
             self.timing.refused += 1
-            why = self._supervisor.objection(message.u_tr, message.u_tr_next)
             self.timing.refuse(f"command {cycle} was refused: {why}")
         elif cycle == counts.next:
             counts.next += 1
         else:
             counts.odd(cycle)
-        if cycle < self._cycle:
+        if cycle < self._drive.cycle:
             # Too late for its own cycle, but its prediction is the newest there is.
-            if admissible:
+            if not why:
                 counts.late += 1
-                self._supervisor.predict(message.u_tr_next)
+                self._drive.supervisor.predict(message.u_tr_next)
             return
         # A refused command leaves the cycle without one; the supervisor bridges it like a late one.
         self._answered = True
-        self._command = (message.u_tr, message.u_tr_next) if admissible else None
+        self._command = None if why else (message.u_tr, message.u_tr_next)
         self._old_plan = message.status == SolverStatus.FALLBACK
         if self._message.last:
             self._end()
         elif self._phase == ASKING and self.parameters.mode == "realtime":
             self._start_ticking()
-        elif self._phase == ASKING or self._pacing.due(self._cycle, time.monotonic()) > 0:
+        elif self._phase == ASKING or self._pacing.due(self._drive.cycle, time.monotonic()) > 0:
             self._advance()
 
     def _advance(self) -> None:
         """Move from t_k to t_(k+1) with command k, or without one if it has not come, and publish state k + 1."""
-        supervisor = self._supervisor
+        drive = self._drive
         self._began_at = time.monotonic()
         if self._command is not None:
-            ramp: Ramp = supervisor.follow(*self._command, self._old_plan)
+            drive.follow(*self._command, self._old_plan)
         else:
-            if not self._answered and supervisor.needs_commands:
+            if not self._answered and drive.supervisor.needs_commands:
                 self.timing.late += 1
-            ramp = supervisor.bridge(refused=self._answered)
-        rig = self._rig
-        if supervisor.mode is not self._shown_mode:
-            self._lift_pantograph(self._shown_mode, supervisor.mode)
-        rig.advance(ramp.start, ramp.end)
-        self._shown_mode = supervisor.mode
-        state = rig.state
-        supervisor.watch(state.w_tr, state.v_tr, state.f_tr, state.current, state.saturated == rig.plant.inner_steps)
-        self._cycle += 1
-        if self._cycle == self._lands_at:
-            supervisor.land()
+            drive.bridge(refused=self._answered)
         self._publish()
-
-    def _lift_pantograph(self, before: Mode, now: Mode) -> None:
-        """Do to the simulated pantograph what an operator does with its pressure: up after the touch, down to part."""
-        if before is Mode.APPROACHING and now is Mode.TRACKING:
-            self._rig.lift_pantograph()
-        elif now in (Mode.LANDING, Mode.RETRACTING):
-            self._rig.lower_pantograph()
 
     def _publish(self) -> None:
         """Publish state k; it is the last one at the end of the ride and when the rig came to rest before it."""
-        message, state, cycle = self._message, self._rig.state, self._cycle
+        message, drive = self._message, self._drive
+        state, cycle = drive.state, drive.cycle
         self._stamp(cycle)
         message.cycle = cycle
-        message.mode = int(self._shown_mode)
-        self._resting = self._shown_mode is Mode.STOPPED
-        message.last = (cycle == self._last_cycle and self._lands_at < 0) or self._resting
+        message.mode = int(drive.mode)
+        message.last = drive.last
         message.w_tr, message.v_tr = state.w_tr, state.v_tr
         message.f_tr, message.f_raw = state.f_tr, state.f_raw
         message.reference, message.current = state.reference, state.current
@@ -230,7 +203,7 @@ class RigNode(PhilNode[Parameters]):
         stamp.sec, stamp.nanosec = divmod(now, 1_000_000_000)
 
     def _publish_views(self) -> None:
-        rig, message = self._rig, self._message
+        rig, message = self._drive.rig, self._message
         displacement, velocity = rig.pantograph_state()
         now = message.header.stamp
         for stamp in (self._joints.header.stamp, self._wrench.header.stamp):
@@ -245,10 +218,10 @@ class RigNode(PhilNode[Parameters]):
     def _end(self) -> None:
         """No more states; books and reason stay readable until reset or deactivation."""
         self._tick.cancel()
-        self._supervisor.finish()
+        self._drive.supervisor.finish()
         self._phase = ENDED
         self._report()
-        self.timing.flush(self._message.header, self._cycle)
+        self.timing.flush(self._message.header, self._drive.cycle)
 
     # The clock -------------------------------------------------------------------------------------------------
 
@@ -257,8 +230,8 @@ class RigNode(PhilNode[Parameters]):
         now, wall = time.monotonic(), self._stamped
         # Both clocks were read when the state was published; the wall clock may have been set since.
         if wall:
-            wall += round((now - self._published_at[self._cycle % MEMORY]) * 1e9)
-        self._pacing.start(self._cycle, now, wall or self.wall_clock())
+            wall += round((now - self._published_at[self._drive.cycle % MEMORY]) * 1e9)
+        self._pacing.start(self._drive.cycle, now, wall or self.wall_clock())
         self._began_at = now
         self._phase = TICKING
         self._tick.reset()
@@ -273,10 +246,10 @@ class RigNode(PhilNode[Parameters]):
             return
         now = time.monotonic()
         # The node was held up for long: what is beyond `catch_up` is given up.
-        self._pacing.give_up(self._pacing.due(self._cycle, now) - self.parameters.catch_up)
-        while self._phase == TICKING and self._pacing.due(self._cycle, now) > 0:
+        self._pacing.give_up(self._pacing.due(self._drive.cycle, now) - self.parameters.catch_up)
+        while self._phase == TICKING and self._pacing.due(self._drive.cycle, now) > 0:
             owed = self._began_at + PATIENCE * self._period
-            if not self._answered and self._supervisor.needs_commands and now < owed:
+            if not self._answered and self._drive.supervisor.needs_commands and now < owed:
                 self._late_ticks += 1
                 self._tick.also(owed)
                 break
@@ -297,7 +270,7 @@ class RigNode(PhilNode[Parameters]):
                 self._phase = ASKING
                 self._publish()
         elif self._phase == ASKING and now - self._asked_at >= REPEAT_AFTER:
-            if self._resting:
+            if self._drive.resting:
                 self._end()
             elif self._moves_alone():
                 self._start_ticking()
@@ -307,7 +280,7 @@ class RigNode(PhilNode[Parameters]):
 
     def _moves_alone(self) -> bool:
         """Whether the cycle goes on though nobody answers: to get the drive to rest, or because nobody has to."""
-        supervisor = self._supervisor
+        supervisor = self._drive.supervisor
         if supervisor.mode in (Mode.RETRACTING, Mode.LANDING):
             return True
         return self.parameters.mode == "realtime" and not supervisor.needs_commands
@@ -319,19 +292,19 @@ class RigNode(PhilNode[Parameters]):
 
     def _report(self) -> None:
         """Log what the drive began to do since the last look, and remember a trip; never called within a cycle."""
-        supervisor = self._supervisor
+        supervisor = self._drive.supervisor
         self._tripped = self._tripped or supervisor.reason
-        mode, before = supervisor.mode, self._reported
+        mode, before, cycle = supervisor.mode, self._reported, self._drive.cycle
         if mode is before or (mode in FOLLOWING and before in FOLLOWING):
             return
         self._reported = mode
         log = self.log
         if mode is Mode.RETRACTING or (mode is Mode.STOPPED and supervisor.reason and before is not Mode.RETRACTING):
-            log.error(f"the drive retracts at cycle {self._cycle}: {supervisor.reason}")
+            log.error(f"the drive retracts at cycle {cycle}: {supervisor.reason}")
         elif mode is Mode.STOPPED:
             log.info(f"the drive rests: {supervisor.reason or ('landed' if supervisor.landed else 'end of the ride')}")
         else:
-            log.info(f"the drive is {'tracking' if mode in FOLLOWING else mode.name.lower()} at cycle {self._cycle}")
+            log.info(f"the drive is {'tracking' if mode in FOLLOWING else mode.name.lower()} at cycle {cycle}")
 
     def _serve_land(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = False
@@ -339,8 +312,8 @@ class RigNode(PhilNode[Parameters]):
             response.message = "test_rig_sim is not active: the drive does not move"
         elif self._phase in (WAITING, ENDED):
             response.message = f"nothing to land: the ride is {self._phase}"
-        elif not self._supervisor.land():
-            response.message = f"the drive does not land: {self._supervisor.reason or 'it rests'}"
+        elif not self._drive.supervisor.land():
+            response.message = f"the drive does not land: {self._drive.supervisor.reason or 'it rests'}"
         else:
             response.success, response.message = True, "drive parts from the pantograph and rests there"
         return response
@@ -349,29 +322,23 @@ class RigNode(PhilNode[Parameters]):
         if not self.active:
             response.success, response.message = False, "test_rig_sim is not active: the drive does not move"
             return response
-        self._supervisor.retract("emergency stop")
+        self._drive.supervisor.retract("emergency stop")
         if self._phase == WAITING:
             self._end()
         response.success = True
-        reason = self._supervisor.reason
+        reason = self._drive.supervisor.reason
         response.message = (
             f"drive goes to its safe position and rests there ({reason})" if reason else "the ride is over, drive rests"
         )
         return response
-
-    def _outcome(self) -> str:
-        """Give how the ride ended: landed, retracted or through; empty as long as it goes on."""
-        supervisor = self._supervisor
-        if supervisor.mode is not Mode.STOPPED:
-            return ""
-        return "retracted" if supervisor.reason else "landed" if supervisor.landed else "through"
 
     def newest(self) -> tuple[int, float]:
         """Give the stamp of the newest state in ns, and how long ago it was published in s."""
         if not self.configured or not self._asked_at:
             return 0, 0.0
         stamp = self._message.header.stamp
-        return stamp.sec * 1_000_000_000 + stamp.nanosec, time.monotonic() - self._published_at[self._cycle % MEMORY]
+        age = time.monotonic() - self._published_at[self._drive.cycle % MEMORY]
+        return stamp.sec * 1_000_000_000 + stamp.nanosec, age
 
     def stuck(self) -> bool:
         """Never: a rig whose commands are refused retracts by itself."""
@@ -379,15 +346,15 @@ class RigNode(PhilNode[Parameters]):
 
     def signs(self) -> tuple[object, ...]:
         """Give what the level hangs on beside the counters."""
-        supervisor = self._supervisor
+        supervisor = self._drive.supervisor
         return supervisor.mode in FOLLOWING or supervisor.mode, supervisor.reason, self._phase == ENDED
 
     def silence(self) -> str:
         """Say that a cycle stands because its command does not come; in real time the rig retracts instead."""
-        waited = time.monotonic() - self._published_at[self._cycle % MEMORY]
-        if self._phase != ASKING or self._resting or waited <= SILENT:
+        waited = time.monotonic() - self._published_at[self._drive.cycle % MEMORY]
+        if self._phase != ASKING or self._drive.resting or waited <= SILENT:
             return ""
-        return missing_command(self._cycle, self.count_publishers("impedance_mpc/command"))
+        return missing_command(self._drive.cycle, self.count_publishers("impedance_mpc/command"))
 
     def _heard_by(self) -> list[str]:
         infos = self.get_subscriptions_info_by_topic(self._state_out.topic_name)
@@ -401,7 +368,7 @@ class RigNode(PhilNode[Parameters]):
 
     def diagnose(self) -> Diagnosis:
         """Say the mode, the reason of a retract, and the counters of the cycle."""
-        supervisor = self._supervisor
+        supervisor = self._drive.supervisor
         mode = supervisor.mode.name.lower()
         found = diagnosis(supervisor, self.timing, self._pacing, self._phase)
         names = self._heard_by() if self._phase == WAITING else []
@@ -410,11 +377,11 @@ class RigNode(PhilNode[Parameters]):
         found.values = {
             "mode": mode,
             "phase": self._phase,
-            "outcome": self._outcome(),
+            "outcome": self._drive.outcome,
             "operating mode": self.parameters.operating_mode,
             "in contact": "yes" if supervisor.touching else "no",
             "reason": supervisor.reason,
-            "cycle": str(self._cycle),
+            "cycle": str(self._drive.cycle),
             "listeners": "{} matched of {}, {} wanted".format(*self._listeners, self.parameters.wait_for_subscribers),
             "heard by": ", ".join(names) or "-",
             "to go on": to_go_on(supervisor) or "-",

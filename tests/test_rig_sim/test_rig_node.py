@@ -27,7 +27,7 @@ def test_lockstep_ride_is_complete_and_ends_after_its_last_command(ride: Any) ->
     assert [s[2] for s in found.states] == [False] * (CYCLES - 1) + [True]
     assert [s[1] for s in found.states] == [Mode.HOLD] + [Mode.TRACKING] * (CYCLES - 1)
     assert found.states[7][3] == (0, 14_000_000)
-    assert found.rig._supervisor.mode is Mode.STOPPED
+    assert found.rig._drive.supervisor.mode is Mode.STOPPED
     assert found.rig.timing.late == found.rig.timing.stale == found.rig.timing.refused == 0
     answer = found.rig._serve_emergency_stop(Trigger.Request(), Trigger.Response())
     assert answer.success and answer.message == "the ride is over, drive rests"
@@ -144,12 +144,12 @@ def test_late_lost_doubled_and_swapped_commands_are_counted_and_each_has_its_pol
         for k in cycles:
             u = sine(k)
             rig._take_command(ImpedanceCommand(cycle=k, u_tr=u[0], u_tr_next=u[1]))
-        return rig._shown_mode.name
+        return rig._drive.mode.name
 
     def tick(times: int = 1) -> str:
         for _ in range(times):
             rig._advance()
-        return rig._shown_mode.name
+        return rig._drive.mode.name
 
     def counts() -> list[int]:
         shown = rig._diagnosis().values
@@ -163,8 +163,8 @@ def test_late_lost_doubled_and_swapped_commands_are_counted_and_each_has_its_pol
     assert tick() == "BRIDGING" and send(22) == "BRIDGING" and counts() == [1, 1, 0, 0]
     assert tick() == "BRIDGING" and send(24) == "TRACKING" and counts() == [1, 2, 0, 0]
     # doubled: nothing happens
-    before = rig._cycle
-    assert send(24, 24, 3) == "TRACKING" and counts() == [1, 2, 3, 0] and rig._cycle == before == 25
+    before = rig._drive.cycle
+    assert send(24, 24, 3) == "TRACKING" and counts() == [1, 2, 3, 0] and rig._drive.cycle == before == 25
     # swapped: the newer one is followed, the older one is late
     assert tick() == "BRIDGING" and send(26, 25) == "TRACKING" and counts() == [2, 2, 3, 1]
     # lost for longer: bridged, held, and followed again if it comes before `late_limit`

@@ -119,8 +119,8 @@ def test_nothing_rearms_after_a_trip_but_a_reset(ride: Any) -> None:
 
     def answer(k: int) -> tuple[float, float]:
         if k == 30:
-            found.rig._rig.plant = found.rig._rig.plant._replace(  # a load cell gone wild
-                cell=found.rig._rig.plant.cell._replace(bias=5000.0)
+            found.rig._drive.rig.plant = found.rig._drive.rig.plant._replace(  # a load cell gone wild
+                cell=found.rig._drive.rig.plant.cell._replace(bias=5000.0)
             )
         if k > 40:
             # Whoever does what while the rig retracts: it goes on.
@@ -140,7 +140,7 @@ def test_nothing_rearms_after_a_trip_but_a_reset(ride: Any) -> None:
     assert "limits.trip_force" in diagnosis.values["reason"]
     rest, rig = len(found.states), found.rig
     choose(rig, "impedance")
-    rig._take_command(ImpedanceCommand(cycle=rig._cycle, u_tr=0.1, u_tr_next=0.1))
+    rig._take_command(ImpedanceCommand(cycle=rig._drive.cycle, u_tr=0.1, u_tr_next=0.1))
     found.spin(spins=10, until=lambda: False)
     assert len(found.states) == rest and rig._phase == ENDED
     # Neither activation nor configuration forgives it.
@@ -203,7 +203,7 @@ def test_a_command_of_a_cycle_that_was_not_published_is_refused(ticking: Any) ->
     ticking.command(0, 0.6, 1e-4)  # the right one is still taken
     assert rig._command == (1e-4, 1e-4)
     ticking.at(1.0)
-    assert rig._shown_mode is Mode.TRACKING
+    assert rig._drive.mode is Mode.TRACKING
     ticking.command(5, 1.5)
     assert rig.timing.stale == 4 and rig._command is None
 
@@ -212,21 +212,21 @@ def test_a_command_has_its_time_even_after_a_late_tick(ticking: Any) -> None:
     rig = ticking.rig
     ticking.command(0, 0.5)
     ticking.at(1.0)
-    assert rig._cycle == 1
+    assert rig._drive.cycle == 1
     ticking.command(1, 1.5)
     ticking.at(2.8)  # a tick that is 0.8 cycles late publishes state 2 at 2.8
-    assert rig._cycle == 2
+    assert rig._drive.cycle == 2
     ticking.at(3.0)  # due, but the command had 0.2 cycles only
-    assert rig._cycle == 2 and rig._late_ticks == 1 and rig.timing.late == 0
+    assert rig._drive.cycle == 2 and rig._late_ticks == 1 and rig.timing.late == 0
     ticking.command(2, 3.4)  # it ends the cycle by itself
-    assert rig._cycle == 3 and rig.timing.late == 0
+    assert rig._drive.cycle == 3 and rig.timing.late == 0
     ticking.at(4.0)  # 0.6 cycles: not yet
-    assert rig._cycle == 3 and rig._late_ticks == 2
+    assert rig._drive.cycle == 3 and rig._late_ticks == 2
     # Not at the next tick, but as soon as each had its 0.9 cycles.
     assert ticking.also == pytest.approx([(2.8 + 0.9) * PERIOD, (3.4 + 0.9) * PERIOD])
     ticking.at(4.31)  # nothing came
-    assert rig._cycle == 4 and rig.timing.late == 1
-    assert rig._shown_mode is Mode.BRIDGING
+    assert rig._drive.cycle == 4 and rig.timing.late == 1
+    assert rig._drive.mode is Mode.BRIDGING
 
 
 def test_a_rig_that_is_behind_its_clock_comes_back_to_it_though_no_command_is_in_time(ticking: Any) -> None:
@@ -234,14 +234,14 @@ def test_a_rig_that_is_behind_its_clock_comes_back_to_it_though_no_command_is_in
     rig = ticking.rig
     ticking.command(0, 0.5)
     ticking.at(1.4)
-    assert rig._cycle == 1
+    assert rig._drive.cycle == 1
     began, tick = [1.4], 2.0
-    while rig._cycle < 8:
+    while rig._drive.cycle < 8:
         due = (ticking.also[-1] / PERIOD) if ticking.also and ticking.also[-1] / PERIOD > began[-1] else tick
         now, tick = min(due, tick), tick + (tick <= due)
-        before = rig._cycle
+        before = rig._drive.cycle
         ticking.at(now + 1e-6)
-        began += [now] * (rig._cycle - before)
+        began += [now] * (rig._drive.cycle - before)
     assert began == pytest.approx([1.4, 2.3, 3.2, 4.1, 5.0, 6.0, 7.0, 8.0], abs=1e-4)
     assert rig._pacing.skipped == 0 and rig.timing.late == 7
 
@@ -258,16 +258,16 @@ def test_a_hold_up_is_made_up_to_a_limit_and_the_rest_given_up(ticking: Any) -> 
     ticking.command(3, 3.5)
     ticking.at(23.0)
     assert rig._pacing.skipped == 15
-    assert rig._cycle == 4
+    assert rig._drive.cycle == 4
     assert rig._message.header.stamp.nanosec - stamps[-1] == 16 * 2_000_000
     # The four that are still due are made up as fast as commands come.
     for k in range(4, 8):
         ticking.command(k, 23.1 + 0.1 * (k - 4))
-        assert rig._cycle == k + 1
+        assert rig._drive.cycle == k + 1
     ticking.command(8, 23.6)
-    assert rig._cycle == 8 and rig._phase == TICKING  # this one waits for its tick
+    assert rig._drive.cycle == 8 and rig._phase == TICKING  # this one waits for its tick
     ticking.at(24.0)
-    assert rig._cycle == 9
+    assert rig._drive.cycle == 9
     assert rig._message.header.stamp.sec == 7 and rig._message.header.stamp.nanosec == (9 + 15) * 2_000_000
 
 
@@ -276,5 +276,5 @@ def test_in_hold_the_clock_waits_for_nobody(ticking: Any) -> None:
     choose(rig, "hold")
     for k in range(1, 100):
         ticking.at(float(k))
-    assert rig._cycle == 99 and rig._shown_mode is Mode.HOLD
+    assert rig._drive.cycle == 99 and rig._drive.mode is Mode.HOLD
     assert rig.timing.late == 0
