@@ -8,7 +8,7 @@ Sets up a virtual environment, builds the workspace, runs ruff, mypy and pytest:
 for each core (up to four), then what starts nodes.
 With arguments only pytest is run, with these arguments (and one worker unless they say -n):
     scripts/test.sh -m "not integration"     without the tests that start the nodes
-    scripts/test.sh tests/catenary_model     one package
+    scripts/test.sh catenary_model/test     one package
     scripts/test.sh --hypothesis-profile=explore   property tests with new examples, not the same ones each time
 HELP
   exit 0

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # client.py
-
 
 def processes_of(out: Path) -> list[int]:
     """List the processes whose command line names the folder of a ride."""

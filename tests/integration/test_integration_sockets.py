@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import environment
 from sockets import Socket, sockets_of
 
 from phil_node.surroundings import OF_TRANSPORTS, RANGE, addresses
@@ -34,10 +33,10 @@ print(*sorted(set(node.get_node_names()) & wanted))
 
 
 @pytest.fixture(scope="module")
-def processes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[int]]:
+def processes(tmp_path_factory: pytest.TempPathFactory, node_environment: dict[str, str]) -> Iterator[list[int]]:
     """Start a node and a recorder as somebody does who set nothing."""
     logs = tmp_path_factory.mktemp("sockets")
-    plain = {key: value for key, value in environment().items() if key not in (RANGE, *OF_TRANSPORTS)}
+    plain = {key: value for key, value in node_environment.items() if key not in (RANGE, *OF_TRANSPORTS)}
     commands = (["energy_monitor.node"], ["energy_monitor.record", "--out", str(logs / "bag")])
     started = [
         subprocess.Popen([sys.executable, "-m", *command], env=plain, stdout=log, stderr=log)
@@ -90,8 +89,8 @@ def test_no_node_shares_memory_with_viewers(processes: list[int]) -> None:
         assert not any(name.startswith("dds.shm") for name in threads)
 
 
-def test_viewers_of_this_machine_need_no_setting(processes: list[int]) -> None:
-    surroundings = {key: value for key, value in environment().items() if key not in (RANGE, *OF_TRANSPORTS)}
+def test_viewers_of_this_machine_need_no_setting(processes: list[int], node_environment: dict[str, str]) -> None:
+    surroundings = {key: value for key, value in node_environment.items() if key not in (RANGE, *OF_TRANSPORTS)}
     surroundings[RANGE] = "SUBNET"  # what ROS takes where nothing is set
     seen = subprocess.run([sys.executable, "-c", VIEWER], env=surroundings, capture_output=True, text=True, check=True)
     assert seen.stdout.split() == ["energy_monitor", "ride_recorder"]

@@ -7,7 +7,7 @@ import yaml
 
 from ride.parameter_table import PATH, table
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_the_parameter_page_is_current():

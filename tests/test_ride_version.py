@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = sorted(path.parent for pattern in ("*", "interfaces/*") for path in ROOT.glob(f"{pattern}/package.xml"))
 VERSIONS = {
     ElementTree.parse(path / "package.xml").findtext("name"): ElementTree.parse(path / "package.xml").findtext(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "diagnostics.md"
 
 SAYING = {"Diagnosis", "add", "refuse", "retract", "error", "warning", "info", "_refuse", "_object", "_objects"}

@@ -1,6 +1,5 @@
 """Parameters of the simulated rig as they stand in the source tree, with changes."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,8 +8,6 @@ import pytest
 
 from phil_base.parameters import build, read_file
 from test_rig_sim.parameters import Imperfections, Parameters
-
-sys.path.insert(0, str(Path(__file__).parent))  # for rig_rules
 
 DEFAULTS = Path(__file__).parents[2] / "test_rig_sim" / "test_rig_sim" / "config" / "test_rig_sim.yaml"
 

@@ -25,7 +25,7 @@ from ride.options import EXAMPLES, parse
 from ride.settings import NODES, resolve
 from test_rig_sim.pantographs.linear_file import read_pantograph
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [
     *(ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "examples/README.md")),
     *sorted((ROOT / "docs").rglob("*.md")),

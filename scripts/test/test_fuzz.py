@@ -2,7 +2,7 @@
 
 ``scripts/fuzz.sh`` does it a thousand times each.
 
-Damaged bags are read in tests/energy_monitor.
+Damaged bags are read in energy_monitor/test.
 """
 
 from __future__ import annotations

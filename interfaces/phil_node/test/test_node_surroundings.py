@@ -12,7 +12,7 @@ import pytest
 
 from phil_node.surroundings import THIS_MACHINE, addresses, complaints, installed, keep_to_this_machine, reach
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def said(**environment: str) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,8 +14,6 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from energy_monitor.contact_quality import ContactQuality
-
-sys.path.insert(0, str(Path(__file__).parent))  # what the tests of this folder share
 
 INTERFACES = Path(__file__).resolve().parents[2] / "interfaces" / "phil_interfaces" / "msg"
 TS = 0.002
