@@ -28,8 +28,6 @@ from bench.catenary_competitors import (
 )
 from bench.catenary_phases import GROUPS, Share, Shares, same_bits
 from bench.closed_loop import ClosedLoop
-from bench.distribution import distribution
-from bench.outcome import Outcome, Sheet
 from bench.sparse_lu import SparseLU
 from bench.turns import first
 from catenary_model.boundary import BOUNDARIES
@@ -37,6 +35,8 @@ from catenary_model.build import MovingCatenary, build
 from catenary_model.model import Catenary, Config
 from catenary_model.pantograph import Pantograph
 from catenary_model.ride import push, ride
+from phil_study.distribution import distribution
+from phil_study.outcome import Outcome, Sheet
 from ride.settings import resolve
 from test_rig_sim.pantographs import PANTOGRAPHS
 
@@ -211,7 +211,7 @@ def run(quick: bool) -> Outcome:
         "phases": catenary_picture.phases(measured),
         "competitors": catenary_picture.competitors(held),
     }
-    return Outcome(title, rows, samples, sheets, notes, pictures)
+    return Outcome(title, rows, notes, sheets=sheets, samples=samples, pictures=pictures)
 
 
 def _compared(force: Array, cycles: int) -> tuple[dict[str, Disagreement], int]:

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench import dense_statics
-from bench.distribution import distribution
-from bench.outcome import Outcome, Sheet
 from catenary_model import statics
 from catenary_model.build import Config, build, check
 from catenary_model.line import DROPPERS_3_1, Dropper, Line, Span
 from catenary_model.line_file import dump_line, load_line
+from phil_study.distribution import distribution
+from phil_study.outcome import Outcome, Sheet
 
 SPANS = (1, 10, 100, 400, 1000)
 GOALS = {400: 2000.0, 1000: 5000.0}
@@ -82,7 +82,9 @@ def run(quick: bool) -> Outcome:
         "difference_m": "largest difference, m",
     }
     title = "long lines, no span like another, compiled code in numba's cache"
-    return Outcome(title, rows, samples, [Sheet("lines", "memory, and statics both ways", columns, sheet)])
+    return Outcome(
+        title, rows, samples=samples, sheets=[Sheet("lines", "memory, and statics both ways", columns, sheet)]
+    )
 
 
 def _in_a_process(path: Path) -> dict[str, float]:

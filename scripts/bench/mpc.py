@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from bench import mpc_picture, mpc_split, mpc_tables
 from bench.closed_loop import ClosedLoop
-from bench.distribution import distribution
 from bench.mpc_contest import Entry, certificate, contest
 from bench.mpc_problems import GOOD, Sequence
 from bench.mpc_record import record
 from bench.mpc_solvers import CONTROLLER, SOLVERS, version
 from bench.mpc_split import Split
-from bench.outcome import Outcome, Sheet
 from bench.turns import first
+from phil_study.distribution import distribution
+from phil_study.outcome import Outcome, Sheet
 from ride.settings import Settings, resolve
 
 Array = NDArray[np.float64]
@@ -161,7 +161,8 @@ def run(quick: bool) -> Outcome:
         "cases": mpc_picture.cases(over.rows),
         "solvers": mpc_picture.solvers({TITLES[key]: found for key, found in entries.items()}),
     }
-    return Outcome("impedance controller: one cycle, states in to command out", rows, samples, sheets, notes, pictures)
+    title = "impedance controller: one cycle, states in to command out"
+    return Outcome(title, rows, notes, sheets=sheets, samples=samples, pictures=pictures)
 
 
 TITLES = {RIDE: "an ordinary ride from its start", AT_LIMITS: "a ride at the drive's limits"}

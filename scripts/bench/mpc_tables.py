@@ -9,7 +9,7 @@ from bench.mpc_contest import Entry, accuracy
 from bench.mpc_problems import Sequence
 from bench.mpc_solvers import CONTROLLER, SOLVERS, version
 from bench.mpc_split import Split
-from bench.outcome import Sheet
+from phil_study.outcome import Sheet
 
 
 def parts(split: Split, case: str) -> Sheet:

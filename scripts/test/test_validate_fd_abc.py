@@ -9,8 +9,8 @@ import pytest
 
 from catenary_model import absorbing
 from catenary_model.absorbing import incidence
+from phil_study.outcome import Outcome, Row
 from validate import fd_abc, fd_abc_beam
-from validate.outcome import Outcome, Row
 
 SAID: list[str] = []
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "absorbing_boundaries.md"

@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.table import Table
 
 from catenary_model.reference import Ride
+from phil_study.outcome import Outcome, Row, table
 from validate import __main__ as entry
 from validate import en50318
-from validate.outcome import Outcome, Row, table
 
 
 @pytest.mark.parametrize(
@@ -50,9 +50,9 @@ def test_details_count_as_well() -> None:
 def test_a_grouped_table_names_a_case_once() -> None:
     rows = [Row("mass", "first case", 1.0, "kg"), Row("force", "first case", 2.0, "N"), Row("mass", "other", 3.0, "kg")]
     console = Console(width=100, record=True, file=io.StringIO())
-    console.print(table(Outcome("", rows)))
+    console.print(table("", rows))
     assert console.export_text().count("first case") == 2
-    console.print(table(Outcome("", rows, grouped=True)))
+    console.print(table("", rows, grouped=True))
     said = console.export_text()
     assert said.count("first case") == said.count("other") == 1
     assert said.count("mass") == 2
@@ -119,7 +119,7 @@ def test_exit_code_and_json(
         [Row("x", "c", value, "N", None, 2.0)],
         [f"quick {quick}"],
         details=[Row("only in the file", "c", 5.0, "N")],
-        sheets=[sheet],
+        overviews=[sheet],
     )
     monkeypatch.setitem(sys.modules, "made_up_validation", made_up)
     monkeypatch.setitem(entry.NAMES, "made-up", ("made_up_validation", "nothing"))

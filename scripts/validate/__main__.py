@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import platform
-import sys
 import time
 from collections.abc import Sequence
 
-from phil_base.command_line import Parser, path, write_json
+from phil_base.command_line import Parser
+from phil_study import command
 
 NAMES = {
     "en50318": ("validate.en50318", "the reference model of EN 50318:2002 at 250 and 300 km/h"),
@@ -25,34 +24,36 @@ NAMES = {
 """Module of every name, imported only when asked for, and what it measures."""
 
 SOLVERS = "daqp", "proxqp"
-FAILED = 3
-WIDTH = 132
-"""Columns of the table where there is no terminal."""
 SELDOM = 10.0
 """Time between two lines of progress where there is no terminal, s."""
 
 
-def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
-    """Read the command line; ends the process with code 2 if it is wrong, before anything is measured."""
-    parser = Parser(
-        prog="scripts/validate.sh",
-        description=__doc__,
-        epilog="\n".join(f"{name:12} {what}" for name, (_, what) in NAMES.items()),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def parser() -> Parser:
+    """Describe the options."""
+    made = command.parser(
+        "scripts/validate.sh",
+        __doc__,
+        tuple(NAMES),
+        name="what to validate (see below)",
+        out="draw the pictures there",
+        quick="shortened: only to see that it works",
     )
-    parser.add_argument("name", choices=tuple(NAMES), help="what to validate (see below)")
-    parser.add_argument("--json", type=path, metavar="FILE", help="write the figures there")
-    parser.add_argument("--out", type=path, metavar="DIR", help="draw the pictures there")
-    parser.add_argument("--quick", action="store_true", help="shortened: only to see that it works")
-    parser.add_argument(
+    made.epilog = "\n".join(f"{name:12} {what}" for name, (_, what) in NAMES.items())
+    made.add_argument(
         "--solver",
         choices=SOLVERS,
         help=f"of impedance: the controller's solver ({SOLVERS[0]} if nothing is said)",
     )
-    given = parser.parse_args(argv)
+    return made
+
+
+def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    """Read the command line; ends the process with code 2 if it is wrong, before anything is measured."""
+    options = parser()
+    given = options.parse_args(argv)
     if given.solver and given.name != "impedance":
-        parser.error("--solver is for impedance only")
-    parser.check_places(given.json, given.out)
+        options.error("--solver is for impedance only")
+    options.check_places(given.json, given.out)
     return given
 
 
@@ -62,11 +63,9 @@ def main() -> int:
 
     from rich.console import Console
 
-    from validate.outcome import Outcome, table
+    from phil_study.outcome import Outcome
 
-    console, progress = Console(), Console(stderr=True)
-    if not console.is_terminal:
-        console.width = WIDTH
+    terminal, progress = command.console(), Console(stderr=True)
     module = importlib.import_module(NAMES[given.name][0])
     with progress.status(given.name) as status:
         last = -SELDOM
@@ -81,27 +80,13 @@ def main() -> int:
 
         choice = {"solver": given.solver} if given.solver else {}
         outcome: Outcome = module.run(given.quick, given.out, say, **choice)
-    for sheet in outcome.sheets:
-        console.print(sheet)
-    console.print(table(outcome))
-    for note in outcome.notes:
-        console.print(f"- {note}", highlight=False, markup=False)
+    command.show(outcome, terminal)
     if given.quick:
-        console.print("This was a shortened run: verdicts are given on full runs.")
-    if given.json:
-        machine = {"machine": platform.machine(), "python": platform.python_version(), "quick": given.quick}
-        document = {
-            "name": given.name,
-            "title": outcome.title,
-            **machine,
-            "holds": outcome.holds,
-            "rows": [row.row() for row in (*outcome.rows, *outcome.details)],
-            "notes": list(outcome.notes),
-        }
-        if not write_json(given.json, document):
-            return FAILED
+        terminal.print("This was a shortened run: verdicts are given on full runs.")
+    if not command.write(outcome, given, "validate", judged=True):
+        return command.FAILED
     return 0 if outcome.holds else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command.end(main)

@@ -24,7 +24,7 @@ from catenary_model.boundary.stability import growth_per_period, spectral_radius
 from catenary_model.line import CARRIER_3_1, CONTACT_3_1, Line
 from catenary_model.model import Config
 from catenary_model.moving_frame import CARRIER, CONTACT, Mesh, MovingFrame, assemble
-from validate.outcome import Outcome, Row
+from phil_study.outcome import Outcome, Row
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]

@@ -17,7 +17,7 @@ from catenary_model.model import Catenary, Config
 from catenary_model.moving_frame import CONTACT
 from catenary_model.pantograph import Pantograph
 from catenary_model.ride import Coupled, Ride, joined, push
-from validate.outcome import Row
+from phil_study.outcome import Row
 
 Array = NDArray[np.float64]
 

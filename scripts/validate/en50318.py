@@ -26,8 +26,8 @@ from catenary_model.moving_frame import CONTACT
 from catenary_model.reference import Config, Pantograph, Reference, Ride
 from catenary_model.ride import Coupled, joined
 from energy_monitor.contact_quality import CUTOFF, low_passed
+from phil_study.outcome import Outcome, Row
 from test_rig_sim.pantographs import PANTOGRAPHS
-from validate.outcome import Outcome, Row
 
 Array = NDArray[np.float64]
 

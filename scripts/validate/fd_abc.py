@@ -19,8 +19,8 @@ from catenary_model import absorbing
 from catenary_model.absorbing import assembly, incidence, plane_waves, square
 from catenary_model.absorbing.higdon import diagonal, higdon
 from catenary_model.line import CONTACT_3_1
+from phil_study.outcome import Outcome, Row
 from validate import fd_abc_beam as beams
-from validate.outcome import Outcome, Row
 
 Say = Callable[[str], None]
 

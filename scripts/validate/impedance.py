@@ -18,6 +18,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from impedance_mpc.solver import DAQP
+from phil_study.outcome import Outcome, Row
 from validate.impedance_figures import SETTLED, Figures, Statistics, evaluate, in_units, statistics, whole_spans
 from validate.impedance_ride import (
     CASCADED,
@@ -32,7 +33,6 @@ from validate.impedance_ride import (
     direct,
 )
 from validate.impedance_sheet import LEGEND, sheet
-from validate.outcome import Outcome, Row
 from validate.realtime import line
 
 Say = Callable[[str], None]
@@ -216,5 +216,7 @@ def run(quick: bool, out: Path | None, say: Say, solver: str = DAQP) -> Outcome:
         notes,
         details=[row for row in made if row.holds is None],
         grouped=True,
-        sheets=[sheet(speed, without, list(figures.items())) for speed in dict.fromkeys(case.speed for case in wanted)],
+        overviews=[
+            sheet(speed, without, list(figures.items())) for speed in dict.fromkeys(case.speed for case in wanted)
+        ],
     )

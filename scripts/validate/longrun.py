@@ -30,8 +30,8 @@ from catenary_model.model import Catenary, Config
 from catenary_model.moving_frame import CARRIER, CONTACT
 from catenary_model.ride import Coupled, Ride, push
 from energy_monitor.contact_quality import CUTOFF
+from phil_study.outcome import Outcome, Row
 from validate import disturbances
-from validate.outcome import Outcome, Row
 from validate.realtime import config, pantograph, target, uplift_for
 
 Array = NDArray[np.float64]

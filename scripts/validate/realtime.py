@@ -36,9 +36,9 @@ from catenary_model.pantograph import Pantograph
 from catenary_model.ride import PIECE, ride
 from energy_monitor import limits
 from energy_monitor.contact_quality import CUTOFF
+from phil_study.outcome import Outcome, Row
 from test_rig_sim.pantographs import PANTOGRAPHS
 from validate.en50318 import CONTACT_STIFFNESS
-from validate.outcome import Outcome, Row
 from validate.realtime_sheet import SideBySide
 from validate.realtime_signals import Agreement, Signals, agreement
 
@@ -347,7 +347,7 @@ def run(quick: bool, out: Path | None, say: Say) -> Outcome:
         "shorter step is not always the better one: the elements' waves run too fast, Newmark's too slow, and in part "
         "these two make up for each other (320 km/h, twice the substeps). Both refined together, the error falls.",
     ]
-    return Outcome("Real-time model against the catenary-fixed reference", made, notes, sheets=[table.sheet()])
+    return Outcome("Real-time model against the catenary-fixed reference", made, notes, overviews=[table.sheet()])
 
 
 def _own_error(speed: int, truth: Truth, say: Say) -> list[Row]:

@@ -30,7 +30,7 @@ from catenary_model.model import Catenary, Config
 from catenary_model.moving_frame import CONTACT, Mesh, assemble, dense
 from catenary_model.reduced import ReducedModel, discretise
 from catenary_model.ride import Coupled
-from validate.outcome import Outcome, Row
+from phil_study.outcome import Outcome, Row
 from validate.realtime import config, pantograph, uplift_for
 
 Array = NDArray[np.float64]

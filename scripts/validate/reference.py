@@ -21,8 +21,8 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from catenary_model.line import CONTACT_3_1, Line, Span, Wire
 from catenary_model.reference import Config, Reference, equilibrium
 from catenary_model.statics import DROPPER
+from phil_study.outcome import Outcome, Row
 from validate.en50318 import Setting, pantograph, zero_phase
-from validate.outcome import Outcome, Row
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]

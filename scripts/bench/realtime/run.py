@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
-from bench.distribution import distribution
-from bench.outcome import Outcome
 from bench.realtime.against import build, present
 from bench.realtime.disturbance import VIEWERS
 from bench.realtime.figures import NODES, RIG
@@ -20,6 +18,8 @@ from bench.realtime.goals import goals
 from bench.realtime.options import RealtimeOptions
 from bench.realtime.session import THROUGH, Build, Ridden, ride
 from bench.realtime.tables import comparison, draw_late, goal_sheet, named, pooled, ride_sheet, use_sheet
+from phil_study.distribution import distribution
+from phil_study.outcome import Outcome
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What ends the bench with all that it started; SIGINT too: a shell's background process would ignore it."""
@@ -94,7 +94,9 @@ def outcome(options: RealtimeOptions, builds: Sequence[Build], rides: Sequence[R
         f"real time{', disturbed' if options.disturbed else ''}, {cycles} cycles of {options.cycle_time * 1e3:g} ms, "
     )
     pictures = {"late": lambda path: draw_late(rides, options.cycle_time, path)}
-    return Outcome(f"{title}late commands: {late}", rows, samples, sheets, notes(options, rides), pictures)
+    return Outcome(
+        f"{title}late commands: {late}", rows, notes(options, rides), sheets=sheets, samples=samples, pictures=pictures
+    )
 
 
 def notes(options: RealtimeOptions, rides: Sequence[Ridden]) -> list[str]:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.outcome import Sheet
 from bench.realtime.figures import NODES, RIG, Times
 from bench.realtime.goals import HALF, Goal
 from bench.realtime.session import OF_TOPICS, RECORDER, Ridden
+from phil_study.outcome import Sheet
 
 PROCESSES = (*(process for node in NODES for process in (node, f"{node}, {OF_TOPICS}")), RECORDER)
 SHOWN_RIDES = 12

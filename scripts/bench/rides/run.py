@@ -12,14 +12,14 @@ from types import FrameType
 
 import numpy as np
 
-from bench.distribution import distribution
-from bench.outcome import Outcome
 from bench.realtime.against import build, present
 from bench.rides.importing import Import, imports
 from bench.rides.options import RidesOptions
 from bench.rides.processes import Memory
 from bench.rides.session import Kind, Ridden, knows_composed, ride
 from bench.rides.tables import comparison, figure_sheet, goal_sheet, import_sheet, memory_sheet, ride_sheet, use_sheet
+from phil_study.distribution import distribution
+from phil_study.outcome import Outcome
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 IMPORTS, QUICK_IMPORTS = 5, 1
@@ -92,7 +92,7 @@ def outcome(
         sheet, goals = comparison(rides, kinds[:-1], old)
         sheets += [sheet, goal_sheet(goals)]
     title = f"rides of {options.seconds:g} s in lockstep, with a recording, {options.rounds} rounds"
-    return Outcome(title, rows, samples, sheets, notes(options, kinds))
+    return Outcome(title, rows, notes(options, kinds), sheets=sheets, samples=samples)
 
 
 def notes(options: RidesOptions, kinds: Sequence[Kind]) -> list[str]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from statistics import median
 
-from bench.outcome import Sheet
 from bench.realtime.goals import Goal
 from bench.rides.importing import MODULES, Import
 from bench.rides.processes import MIB, Memory, ordered
 from bench.rides.session import Kind, Ridden
+from phil_study.outcome import Sheet
 
 FASTER, FASTER_COMPOSED, SOONER = 1 / 2, 1 / 4, 0.6
 """Shares of the other build's time: of a ride, of one composed, and from the command to cycle 0."""
