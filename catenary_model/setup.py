@@ -19,6 +19,7 @@ setup(
         (f"share/{PACKAGE}/config", [str(path) for path in sorted(Path(PACKAGE, "config").glob("*.yaml"))]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=False,
     maintainer="phil-catenary maintainers",
     maintainer_email="maintainers@example.org",

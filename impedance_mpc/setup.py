@@ -18,6 +18,7 @@ setup(
         (f"share/{package}/config/identified", sorted(map(str, Path(package, "config", "identified").glob("*.yaml")))),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
     maintainer="phil-catenary maintainers",
     maintainer_email="maintainers@example.org",

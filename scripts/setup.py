@@ -11,13 +11,14 @@ VERSION = ElementTree.parse(Path(__file__).with_name("package.xml")).findtext("v
 setup(
     name=NAME,
     version=VERSION,
-    packages=find_packages(exclude=["build*", "lib*"]),
+    packages=find_packages(exclude=["build*", "lib*", "test*"]),
     package_data={"faults": ["*.c"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=False,
     maintainer="phil-catenary maintainers",
     maintainer_email="maintainers@example.org",

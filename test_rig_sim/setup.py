@@ -20,6 +20,7 @@ setup(
         (f"share/{NAME}/config/rigs", [str(path) for path in Path(NAME, "config", "rigs").glob("*.yaml")]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=False,
     maintainer="phil-catenary maintainers",
     maintainer_email="maintainers@example.org",

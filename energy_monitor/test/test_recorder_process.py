@@ -1,19 +1,15 @@
 """The recorder as a process of its own against a real publisher, on a ROS domain of its own."""
 
-import os
 import signal
 import subprocess
 import sys
 import time
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
 from mcap.stream_reader import StreamReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
-
-import energy_monitor
 
 pytestmark = [
     pytest.mark.integration,
@@ -43,14 +39,6 @@ while True:
 """
 
 
-def environment():
-    package = str(Path(energy_monitor.__file__).resolve().parents[1])
-    return dict(
-        os.environ,
-        PYTHONPATH=os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH", "")])),
-    )
-
-
 def wait(condition, process, seconds=20.0):
     deadline = time.monotonic() + seconds
     while not condition():
@@ -62,7 +50,6 @@ def wait(condition, process, seconds=20.0):
 def record(*arguments):
     return subprocess.Popen(
         [sys.executable, "-m", "energy_monitor.record", *map(str, arguments)],
-        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -72,7 +59,7 @@ def record(*arguments):
 @pytest.fixture
 def publisher():
     # A new one each time: the middleware of one that lost a reader by SIGKILL takes seconds to serve the next reader.
-    process = subprocess.Popen([sys.executable, "-c", PUBLISHER], env=environment())
+    process = subprocess.Popen([sys.executable, "-c", PUBLISHER])
     yield process
     process.kill()
     process.wait()
@@ -173,6 +160,6 @@ def lossy(node, recorder, *rest):
 record._record = lossy
 sys.exit(record.main(["--out", {str(tmp_path / "ride")!r}]))
 """
-    done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True, timeout=30)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
     assert done.returncode == 1, done.stderr
     assert done.stderr.splitlines()[-1] == "record: 3 messages were lost, the bag has gaps: /a 3"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import subprocess
 import sys
@@ -18,8 +17,6 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-import energy_monitor
-import phil_base
 from energy_monitor.analysis import Settings, analyse
 from energy_monitor.bag import read_bag
 from energy_monitor.report import ReportError, summary_table, write_report
@@ -161,11 +158,6 @@ def test_page_of_a_poor_bag(synthetic: Callable[..., Path], tmp_path: Path) -> N
     assert not (tmp_path / "out" / "figures" / "wires.png").exists()
 
 
-def environment() -> dict[str, str]:
-    folders = (Path(energy_monitor.__file__).parents[1], Path(phil_base.__file__).parents[1])
-    return dict(os.environ, PYTHONPATH=os.pathsep.join([*map(str, folders), os.environ.get("PYTHONPATH", "")]))
-
-
 def run(*arguments: Any) -> int:
     return main([str(argument) for argument in arguments])
 
@@ -303,7 +295,7 @@ def test_help_needs_nothing_but_python() -> None:
     )
     for module, prog in (("report.cli", "scripts/analyze.sh"), ("record", "scripts/record.sh")):
         code = blocker.format(module=module)
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment())
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         assert done.stdout.startswith(f"usage: {prog} ")
 

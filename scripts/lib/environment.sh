@@ -122,7 +122,7 @@ phil_optional() {
 phil_digest() {
   (
     cd "$PHIL_ROOT" || exit
-    find "$@" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -print0 2>/dev/null | LC_ALL=C sort -z | xargs -0 sha256sum
+    find "$@" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -not -path '*/test/*' -print0 2>/dev/null | LC_ALL=C sort -z | xargs -0 sha256sum
     "$PHIL_VENV/bin/python" -V
     echo "$PHIL_ROS $PHIL_ROOT"
   ) | sha256sum

@@ -15,7 +15,7 @@ from ride.shared_memory import remove_litter, snapshot
 
 @pytest.fixture(autouse=True)
 def _modules(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    monkeypatch.chdir(tmp_path)  # where -m looks for a module
 
 
 def start(folder: Path, code: str) -> Process:
@@ -44,9 +44,8 @@ def test_a_child_dies_with_its_parent(tmp_path):
         "\nwhile 'up' not in p.last_words(): time.sleep(0.05)\n"
         "print(p.pid, flush=True); time.sleep(60)"
     )
-    environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
     command = [sys.executable, "-c", code]
-    parent = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    parent = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None
     pid = int(parent.stdout.readline())
     parent.kill()

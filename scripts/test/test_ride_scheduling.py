@@ -31,7 +31,7 @@ WITHOUT_RIGHTS = ("setpriv", "--bounding-set=-all", "--inh-caps=-all")
 
 @pytest.fixture
 def children(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    monkeypatch.chdir(tmp_path)  # where -m looks for a module
     (tmp_path / "sleeper.py").write_text(SLEEP)
     started = [Process("sleeper", "sleeper", [], tmp_path / f"log{i}") for i in range(2)]
     yield started
@@ -139,8 +139,7 @@ print(int(status_of("VmLck") > 0), grown, open(f"/proc/self/timerslack_ns").read
 def test_a_process_gets_what_it_may_and_says_the_rest(rights):
     """In a process of its own: what is asked for holds for the whole process."""
     lead = () if rights else WITHOUT_RIGHTS
-    as_here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run([*lead, sys.executable, "-c", ALL], capture_output=True, text=True, env=as_here)
+    done = subprocess.run([*lead, sys.executable, "-c", ALL], capture_output=True, text=True)
     if "setpriv" in done.stderr:
         pytest.skip(done.stderr)
     assert not done.returncode, done.stderr
@@ -183,8 +182,7 @@ child.wait()
 
 @pytest.mark.skipif(highest_priority() < 1, reason="SCHED_FIFO is not granted here")
 def test_what_a_thread_of_the_loop_starts_is_an_ordinary_process_on_all_cpus():
-    as_here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run([sys.executable, "-c", LET_GO], capture_output=True, text=True, env=as_here)
+    done = subprocess.run([sys.executable, "-c", LET_GO], capture_output=True, text=True)
     assert done.stdout.split() == ["True", "True"], done.stderr
 
 

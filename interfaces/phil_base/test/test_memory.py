@@ -1,6 +1,5 @@
 """Memory that was touched before is there for the thread that uses it, and stays: the kernel's page faults tell."""
 
-import os
 import subprocess
 import sys
 
@@ -55,9 +54,8 @@ print(*count({"blocks": blocks, "objects": objects}[sys.argv[1]], sys.argv[2] ==
 
 def faults(kind: str, touched: str) -> list[int]:
     """Give the page faults of a thread's first use of 5 to 6 MiB, and of five more, in a process of its own."""
-    as_here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-c", FAULTS, kind, touched]
-    done = subprocess.run(command, capture_output=True, text=True, env=as_here, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     return [int(word) for word in done.stdout.split()]
 
 
