@@ -79,8 +79,9 @@ phil_install() {
   # What the tests need includes what a ride needs.
   local done
   for done in "$stamp" "$PHIL_VENV/.phil-test"; do
-    [ -f "$done" ] && [ "$(cat "$done")" = "$wanted" ] && return
+    [ -f "$done" ] && [ "$(<"$done")" = "$wanted" ] && return
   done
+  phil_check_system
   if [ ! -x "$PHIL_VENV/bin/python" ]; then
     phil_say "making $PHIL_VENV ($("$PHIL_PYTHON" -V 2>&1), ROS 2 from $PHIL_ROS)"
     local see=()
@@ -128,19 +129,42 @@ phil_digest() {
   ) | sha256sum
 }
 
+# The same of names, sizes and times, at a tenth of the cost. A file whose content was changed has another time of
+# change, which nobody can set back: if this is as it was, so is the digest; if not, that decides.
+phil_glance() {
+  (
+    cd "$PHIL_ROOT" || exit
+    find "$@" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -printf '%p %s %i %T@ %C@\n' 2>/dev/null | LC_ALL=C sort
+    "$PHIL_VENV/bin/python" -V
+    echo "$PHIL_ROS $PHIL_ROOT"
+  ) | sha256sum
+}
+
+# Whether what a stamp stands for is as it was: phil_fresh STAMP PATHS...
+phil_fresh() {
+  local stamp="$1" glance
+  shift
+  [ -f "$stamp" ] || return
+  glance="$(phil_glance "$@")"
+  [ -f "$stamp-glance" ] && [ "$(<"$stamp-glance")" = "$glance" ] && return
+  [ "$(<"$stamp")" = "$(phil_digest "$@")" ] || return
+  printf '%s' "$glance" >"$stamp-glance"
+}
+
 phil_build() {
   local messages="$PHIL_ROOT/install/.phil-messages" packages="$PHIL_ROOT/install/.phil-packages" log="$PHIL_ROOT/log/build.txt"
   local nodes=(phil_base phil_node catenary_model impedance_mpc test_rig_sim energy_monitor phil_loop) todo=() fresh=()
   local of_messages=(interfaces/phil_interfaces install/phil_interfaces)
   local of_packages=(interfaces/phil_base interfaces/phil_node catenary_model impedance_mpc test_rig_sim energy_monitor scripts "${nodes[@]/#/install/}")
-  if [ "$(cat "$messages" 2>/dev/null)" != "$(phil_digest "${of_messages[@]}")" ]; then
+  if ! phil_fresh "$messages" "${of_messages[@]}"; then
     phil_say "building messages (half a minute the first time)"
     fresh=(phil_interfaces "${nodes[@]}") todo=(phil_interfaces "${nodes[@]}")
-  elif [ "$(cat "$packages" 2>/dev/null)" != "$(phil_digest "${of_packages[@]}")" ]; then
+  elif ! phil_fresh "$packages" "${of_packages[@]}"; then
     phil_say "building nodes"
     fresh=("${nodes[@]}") todo=("${nodes[@]}")
   fi
   [ "${#todo[@]}" -eq 0 ] && return
+  phil_check_system
   mkdir -p "$PHIL_ROOT/log" "$PHIL_ROOT/install"
   # From scratch: what is there is only overwritten by files of a later date, and a file put back is an older one.
   rm -rf "${fresh[@]/#/$PHIL_ROOT/build/}" "${todo[@]/#/$PHIL_ROOT/install/}" "$packages"
@@ -171,7 +195,6 @@ phil_environment() {
     PHIL_ROS=wheels PHIL_VENV="$PHIL_ROOT/.venv"
     unset AMENT_PREFIX_PATH PYTHONPATH
   fi
-  phil_check_system
   phil_check_path
   # One set-up at a time: two scripts started together must not install into each other.
   exec 9>"$PHIL_ROOT/.phil-setup.lock"
