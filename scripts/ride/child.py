@@ -11,12 +11,17 @@ import sys
 PR_SET_PDEATHSIG = 1
 
 
-def main() -> None:
-    """Ask the kernel for SIGTERM at the parent's death, then become the module."""
-    parent, module = int(sys.argv[1]), sys.argv[2]
+def as_child(parent: int) -> None:
+    """Ask the kernel for SIGTERM at the parent's death; end if it has died before."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:
-        sys.exit(1)  # it died before we could ask
+        sys.exit(1)
+
+
+def main() -> None:
+    """Become the module, as a child of the parent."""
+    parent, module = int(sys.argv[1]), sys.argv[2]
+    as_child(parent)
     sys.argv = [module, *sys.argv[3:]]
     runpy.run_module(module, run_name="__main__", alter_sys=True)
 

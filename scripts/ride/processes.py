@@ -8,17 +8,35 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
+from importlib import import_module
 from pathlib import Path
+
+from phil_base.forked import Forked, fork
+from ride.child import as_child
+
+PRELOADED = (
+    *("test_rig_sim.node", "impedance_mpc.node", "catenary_model.node", "energy_monitor.node"),
+    *("energy_monitor.record", "energy_monitor.recorder", "phil_node.topics_process"),
+)
+"""What the processes of a ride import, one or the other."""
 
 
 class Process:
     """One child: its output goes to a log file, Ctrl-C in the terminal does not reach it, and it ends if we die."""
 
-    def __init__(self, name: str, module: str, arguments: Sequence[str], log: Path) -> None:
+    def __init__(
+        self, name: str, module: str, arguments: Sequence[str], log: Path, nursery: Nursery | None = None
+    ) -> None:
+        """Start a module with its arguments; of a nursery the child is forked, and waits for `Nursery.open`."""
         self.name = name
         self.log = log
         command = [sys.executable, "-m", "ride.child", str(os.getpid()), module, *arguments]
+        self._child: subprocess.Popen[bytes] | Forked
         with log.open("wb") as output:
+            if nursery is not None:
+                self._child = nursery.fork(command, output.fileno())
+                return
             self._child = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
             )
@@ -55,6 +73,48 @@ class Process:
         """Give the last lines of its output."""
         text = self.log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         return "\n".join(text[-lines:])
+
+
+class Nursery:
+    """Forks children of a process that has no threads of its own yet; they wait at a gate until it is opened.
+
+    So they are there while it is still found out whether they may begin, with all that they import.
+    """
+
+    def __init__(self) -> None:
+        """Import what the children need."""
+        for module in PRELOADED:
+            import_module(module)
+        self._wait, self._open = os.pipe()
+        self._count = 0
+        """Children that wait."""
+
+    def fork(self, command: Sequence[str], output: int) -> Forked:
+        """Fork a child that becomes ``command`` (of `ride.child`)."""
+        self._count += 1
+        name = command[4].removesuffix(".node").rpartition(".")[2]
+        return fork(partial(_live, command), command, name, output, gate=self._wait)
+
+    def open(self) -> None:
+        """Let all children begin."""
+        os.write(self._open, bytes(self._count))
+        self.close()
+
+    def close(self) -> None:
+        """Let no child begin any more: those that wait end."""
+        if self._count:
+            self._count = 0
+            os.close(self._wait)
+            os.close(self._open)
+
+
+def _live(command: Sequence[str]) -> int | None:
+    """Do in a forked child what its command does (`ride.child`)."""
+    parent, module, arguments = int(command[3]), command[4], command[5:]
+    as_child(parent)
+    sys.argv = [module, *arguments]
+    code: int | None = import_module(module).main()
+    return code
 
 
 def end_all(processes: Sequence[Process], patience: float = 5.0) -> None:

@@ -19,7 +19,7 @@ from phil_base.scheduling import highest_priority, priority_of, schedule, schedu
 from phil_node.executor import events_executor
 from ride.lifecycle import ACTIVATE, CONFIGURE, DEACTIVATE, Managed, RideError
 from ride.options import Options
-from ride.processes import Process, end_all
+from ride.processes import Nursery, Process, end_all
 from ride.settings import NODES, Settings
 from ride.shared_memory import remove_litter, snapshot
 from ride.watch import Display, Watch
@@ -85,15 +85,18 @@ class Ride:
         handlers = {number: signal.signal(number, self._interrupt) for number in _SIGNALS if not _nohup(number)}
         remove_litter()  # of killed processes, before there are five that might take up the names of its ports
         self._shm = snapshot()
+        nursery = Nursery()
+        self._start_processes(nursery)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("ride", start_parameter_services=False)
         self._executor = events_executor()
         self._executor.add_node(self._node)
         try:
             self._refuse_neighbours(0)
-            self._start_processes()
+            nursery.open()
             self._ride()
         finally:
+            nursery.close()
             try:
                 self._take_down()
             finally:
@@ -114,7 +117,8 @@ class Ride:
         if self._interrupts == 1:
             self._console.print("\nending the ride (again: at once)", highlight=False)
 
-    def _start_processes(self) -> None:
+    def _start_processes(self, nursery: Nursery) -> None:
+        """Fork them, while this process has no threads of ROS; they begin when the nursery is opened."""
         logs = self._out / "logs"
         logs.mkdir(parents=True, exist_ok=True)
         parameters = str(self._out / "params.yaml")
@@ -122,11 +126,11 @@ class Ride:
             self._ready = logs / "recorder.ready"
             self._ready.unlink(missing_ok=True)
             arguments = ["--out", str(self.bag_path), "--ready-file", str(self._ready)]
-            self._recorder = Process("recorder", "energy_monitor.record", arguments, logs / "recorder.log")
+            self._recorder = Process("recorder", "energy_monitor.record", arguments, logs / "recorder.log", nursery)
         if self._composed:
             arguments = ["--ros-args", "--params-file", parameters]
             arguments += ["-p", f"test_rig_sim:wait_for_subscribers:={self._listeners}"]
-            process = Process(COMPOSED, "ride.composed", arguments, logs / "composed.log")
+            process = Process(COMPOSED, "ride.composed", arguments, logs / "composed.log", nursery)
             self._nodes = dict.fromkeys(NODES, process)
             return
         for name in NODES:
@@ -134,7 +138,7 @@ class Ride:
             if name == "test_rig_sim":
                 # Cycle 0 waits for controller, monitor and recorder: none of them may miss it.
                 arguments += ["-p", f"wait_for_subscribers:={self._listeners}"]
-            self._nodes[name] = Process(name, f"{name}.node", arguments, logs / f"{name}.log")
+            self._nodes[name] = Process(name, f"{name}.node", arguments, logs / f"{name}.log", nursery)
 
     @property
     def _listeners(self) -> int:

@@ -6,6 +6,7 @@ import gc
 import os
 import re
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -59,24 +60,13 @@ def run_together(kinds: Sequence[Callable[[], PhilNode[Any]]], argv: list[str] |
 
 def _run(kinds: Sequence[Callable[[], PhilNode[Any]]], argv: list[str] | None, ending: Ending) -> int:
     remove_litter()
-    try:
-        set_logger_level("rcl", LoggingSeverity.FATAL)  # what it cannot read is said below, in one line
-        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-        # It logs each transition that does not exist, without a bound; the node says so itself.
-        set_logger_level("rcl_lifecycle", LoggingSeverity.ERROR)
-        set_logger_level("rcl", LoggingSeverity.UNSET)
-        nodes = [kind() for kind in kinds]
-        held = [claim(node.full_name, node.context.get_domain_id()) for node in nodes]
-    except (ParameterError, AlreadyRunning) as error:
-        return _refuse(str(error))
-    except UnknownROSArgsError as error:
-        return _refuse(f"ROS does not know these arguments: {error}")
-    except UnicodeEncodeError:
-        return _refuse("ROS cannot take its arguments: they have letters that are no UTF-8")
-    except RCLError as error:
-        # Arguments that ROS itself cannot read: a missing parameter file, a malformed remapping.
-        return _refuse(PLACES.sub("", str(error).splitlines()[0]))
-    topics, executor = TopicsProcess(), events_executor()
+    topics = TopicsProcess(forked=threading.active_count() == 1)  # ROS has no threads yet
+    made = _made(kinds, argv)
+    if isinstance(made, int):
+        topics.close()
+        return made
+    nodes, held = made
+    executor = events_executor()
     together = Composition(topics) if len(nodes) > 1 else None
     for node in nodes:
         node.has_process = True
@@ -108,12 +98,35 @@ def _run(kinds: Sequence[Callable[[], PhilNode[Any]]], argv: list[str] | None, e
         rclpy.try_shutdown()
         # A lifecycle node's state machine keeps the DDS participant, with its threads and its shared memory, until
         # the last reference to the node is gone; the nodes have switched the collector off.
-        del node, nodes, executor
+        del node, nodes, made, executor
         gc.unfreeze()
         gc.collect()
         for claimed in held:
             claimed.close()
     return code
+
+
+def _made(
+    kinds: Sequence[Callable[[], PhilNode[Any]]], argv: list[str] | None
+) -> tuple[list[PhilNode[Any]], list[Any]] | int:
+    """Initialise ROS, and make the nodes, with what claims their names; give the exit code, once said why, if not."""
+    try:
+        set_logger_level("rcl", LoggingSeverity.FATAL)  # what it cannot read is said below, in one line
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+        # It logs each transition that does not exist, without a bound; the node says so itself.
+        set_logger_level("rcl_lifecycle", LoggingSeverity.ERROR)
+        set_logger_level("rcl", LoggingSeverity.UNSET)
+        nodes = [kind() for kind in kinds]
+        return nodes, [claim(node.full_name, node.context.get_domain_id()) for node in nodes]
+    except (ParameterError, AlreadyRunning) as error:
+        return _refuse(str(error))
+    except UnknownROSArgsError as error:
+        return _refuse(f"ROS does not know these arguments: {error}")
+    except UnicodeEncodeError:
+        return _refuse("ROS cannot take its arguments: they have letters that are no UTF-8")
+    except RCLError as error:
+        # Arguments that ROS itself cannot read: a missing parameter file, a malformed remapping.
+        return _refuse(PLACES.sub("", str(error).splitlines()[0]))
 
 
 def _outcome(nodes: Sequence[PhilNode[Any]]) -> int:

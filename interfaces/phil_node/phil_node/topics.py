@@ -16,6 +16,7 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from phil_base.forked import Forked, fork
 from phil_node.link import LONGEST, Message, Peer, batches, messages_of
 
 MESSAGES, COMMAND, ACKNOWLEDGED = 0, 1, 2
@@ -60,6 +61,12 @@ def profile_of(policies: Profile) -> QoSProfile:
     )
 
 
+def _serve(file: int) -> None:
+    from phil_node.topics_process import serve
+
+    serve(file)
+
+
 class TopicsProcess:
     """Starts the process, tells it what to speak and listen on, and hands messages over both ways.
 
@@ -67,8 +74,8 @@ class TopicsProcess:
     for those who listen by DDS, and for nobody else.
     """
 
-    def __init__(self) -> None:
-        """Start it; it gets ready while the node does."""
+    def __init__(self, forked: bool = False) -> None:
+        """Start it; it gets ready while the node does. It can be ``forked`` before ROS is initialised."""
         self.lock = threading.Lock()
         self.counts: Counts = {}
         """By number: subscriptions that are matched, or publishers of what is listened to."""
@@ -81,19 +88,22 @@ class TopicsProcess:
         self._room = memoryview(bytearray(LONGEST))
         self._hellos: list[Command] = []
         self._receiving = threading.Lock()
-        self._start()
+        self._start(forked)
 
-    def _start(self) -> None:
+    def _start(self, forked: bool = False) -> None:
         from phil_base.real_time import let_go  # with all of its parameters: nothing that the process itself needs
 
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
-            self._child = subprocess.Popen(
-                [sys.executable, "-m", "phil_node.topics_process", str(theirs.fileno())],
-                stdin=subprocess.DEVNULL,
-                pass_fds=(theirs.fileno(),),
-                start_new_session=True,
-            )
+            file = theirs.fileno()
+            command = [sys.executable, "-m", "phil_node.topics_process", str(file)]
+            self._child: subprocess.Popen[bytes] | Forked
+            if forked:
+                self._child = fork(lambda: _serve(file), command, "topics", keep=(file,))
+            else:
+                self._child = subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, pass_fds=(file,), start_new_session=True
+                )
         let_go(self._child.pid)  # a node's thread that starts it again may come before others, on the cycle's CPU
         ours.setblocking(False)
         self._connection = ours

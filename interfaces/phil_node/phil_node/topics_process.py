@@ -285,18 +285,23 @@ def leave() -> None:
     os._exit(0)
 
 
-def main() -> None:
-    """Wait for the node's name, then serve."""
+def serve(file: int) -> None:
+    """Wait for the node's name, then serve what comes by a socket, until its other end is closed."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # it ends with the node's process, which decides when that is
     ctypes.CDLL(None).prctl(15, b"topics")  # PR_SET_NAME, for who looks with ps or top
-    connection = socket.socket(fileno=int(sys.argv[1]))
+    connection = socket.socket(fileno=file)
     first = connection.recv(LONGEST)
     if not first:
         os._exit(0)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     _, _, name, namespace = pickle.loads(first[1:])
     Topics(connection, name, namespace).run()
+
+
+def main() -> None:
+    """Serve the socket that is named on the command line."""
+    serve(int(sys.argv[1]))
 
 
 if __name__ == "__main__":
