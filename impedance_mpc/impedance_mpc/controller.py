@@ -8,16 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from impedance_mpc import correction, forecast, prepare
+from impedance_mpc import forecast, prepare
 from impedance_mpc.approach import Approach
 from impedance_mpc.books import Books
 from impedance_mpc.condense import MILLIMETRE, Weights, program
 from impedance_mpc.correction import CorrectionRule
 from impedance_mpc.forecast import ForecastRule
 from impedance_mpc.parameters import CASCADED, CORRECTED, Parameters
+from impedance_mpc.parts import PARTS, Parts
 from impedance_mpc.plant import Array, Impedance, pt2_rig
 from impedance_mpc.predict import predict
-from impedance_mpc.solver import FAILED, Solver, SolverMaker, solver_of
+from impedance_mpc.solver import FAILED, Solver
 from phil_base.enumerations import Correction, SolverStatus
 
 
@@ -83,7 +84,7 @@ class ImpedanceController:
 
     ``config`` gives horizons, weights, limits, forecast and correction; ``model`` is the reduced environment (3.1.9)
     with step Ts. Construction designs everything; :meth:`command` is one cycle. ``books`` may be shared with another
-    controller that takes turns with this one; ``solver`` makes what solves the programs.
+    controller that takes turns with this one; it is put together from ``parts``.
 
     Raises
     ------
@@ -91,9 +92,7 @@ class ImpedanceController:
         The step of ``model`` is not ``cycle_time``, or the design is impossible.
     """
 
-    def __init__(
-        self, config: Parameters, model: Impedance, books: Books | None = None, solver: SolverMaker = solver_of
-    ) -> None:
+    def __init__(self, config: Parameters, model: Impedance, books: Books | None = None, parts: Parts = PARTS) -> None:
         ts = config.cycle_time
         if abs(model.ts - ts) > 1e-9:
             raise ValueError(f"'cycle_time' = {ts} s is not the impedance model's step of {model.ts} s")
@@ -114,7 +113,7 @@ class ImpedanceController:
         self.program = program(
             predict(rig, model, config.prediction_horizon, n_c), weights, n_c, config.constraint_stride
         )
-        self.qp: Solver = solver(
+        self.qp: Solver = parts.solver(
             config.solver,
             self.program.hessian,
             self.program.rows,
@@ -123,7 +122,8 @@ class ImpedanceController:
             self.program.softness,
         )
         self._forecast = forecast.design(ForecastRule(**config.forecast.model_dump()), ts)
-        self.books = Books(ts) if books is None else books
+        self.books = parts.books(ts) if books is None else books
+        self._force_ahead, self._prepare, self._bounds = parts.force_ahead, parts.prepare, parts.bounds
         self.result = Command()
         self._ts, self._n_c = ts, n_c
         self._minimum, self._maximum = config.position_minimum / MILLIMETRE, config.position_maximum / MILLIMETRE
@@ -220,7 +220,7 @@ class ImpedanceController:
         now[prepare.F_ENV_BEFORE] = environment.f if math.isnan(before) else before
         now[prepare.W_ENV], now[prepare.V_ENV], now[prepare.F_ENV] = environment.w, environment.v, environment.f
         now[prepare.REFERENCE_NOW] = reference
-        return float(prepare.force_ahead(self._constants, self._work, self._forecast, self._plan))
+        return float(self._force_ahead(self._constants, self._work, self._forecast, self._plan))
 
     def command(self, rig: RigReading, environment: EnvironmentReading) -> Command:
         """Compute the command of cycle k from both states at t_k and enter the instant into the books.
@@ -243,12 +243,12 @@ class ImpedanceController:
 
         now[prepare.OFFSET], now[prepare.DRIFT_NOW], now[prepare.DELTA_P] = offset, drift, books.delta_p
         before = float(now[prepare.F_COR])
-        prepare.prepare(self._constants, work, *environment[:4])
+        self._prepare(self._constants, work, *environment[:4])
         if self.control == CORRECTED and follows:
             # F_cor acts at t_(k+1), when the wire moves as fast as its acceleration has made it by then.
             v_next = environment.v + self._ts * float(self.model.output.dot(environment.acceleration))
             error = self._share * books.delta_e + (1.0 - self._share) * books.delta_work
-            low, high, case = correction.bounds(self.rule, error, v_next, rig.v_tr, rig.f_tr, before, self._ts)
+            low, high, case = self._bounds(self.rule, error, v_next, rig.v_tr, rig.f_tr, before, self._ts)
             # A pantograph cannot pull the wire down.
             low = max(low, min(0.0, -predicted))
             high = max(high, low)

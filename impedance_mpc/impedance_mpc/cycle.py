@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from impedance_mpc.controller import EnvironmentReading, RigReading
 from impedance_mpc.parameters import Parameters
+from impedance_mpc.parts import PARTS, Parts
 from impedance_mpc.plant import Impedance
-from impedance_mpc.solver import SolverMaker, solver_of
 from impedance_mpc.switching import EnvironmentSwitch
 from phil_base.enumerations import FOLLOWING, SolverStatus
 
@@ -43,7 +43,7 @@ class Answer(NamedTuple):
 class ControllerCycle:
     """The controllers of all environments with their switch and their books, cycle by cycle.
 
-    ``model`` is the catenary's reduced model, ``solver`` makes the solvers of the quadratic programs.
+    ``model`` is the catenary's reduced model, the controllers are put together from ``parts``.
 
     Raises
     ------
@@ -51,8 +51,8 @@ class ControllerCycle:
         A model does not fit the controller, or is not stable on its own.
     """
 
-    def __init__(self, config: Parameters, model: Impedance, solver: SolverMaker = solver_of) -> None:
-        self.switch = EnvironmentSwitch(config, model, solver)
+    def __init__(self, config: Parameters, model: Impedance, parts: Parts = PARTS) -> None:
+        self.switch = EnvironmentSwitch(config, model, parts)
         self.books = self.switch.books
 
     def reset(self) -> None:

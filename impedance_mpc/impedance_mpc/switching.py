@@ -10,12 +10,11 @@ import math
 
 import numpy as np
 
-from impedance_mpc.books import Books
 from impedance_mpc.controller import Command, EnvironmentReading, ImpedanceController, RigReading
 from impedance_mpc.environment import Environment, LinearEnvironment, mass_spring_damper, standing_alone
 from impedance_mpc.parameters import Parameters
+from impedance_mpc.parts import PARTS, Parts
 from impedance_mpc.plant import Impedance
-from impedance_mpc.solver import SolverMaker, solver_of
 from phil_base.enumerations import EnvironmentKind
 
 ENVIRONMENTS = tuple(kind.name.lower() for kind in EnvironmentKind)
@@ -38,8 +37,8 @@ def simulated_environments(config: Parameters, model: Impedance) -> tuple[Linear
 class EnvironmentSwitch:
     """Owns a controller for each environment, and the environments that are simulated here.
 
-    ``model`` is the catenary's reduced model, ``solver`` makes the controllers' solvers. Everything is designed at
-    construction; a switch costs no design. One call of :meth:`command` is one cycle.
+    ``model`` is the catenary's reduced model; the controllers are put together from ``parts``. Everything is designed
+    at construction; a switch costs no design. One call of :meth:`command` is one cycle.
 
     Raises
     ------
@@ -47,13 +46,13 @@ class EnvironmentSwitch:
         A model does not fit the controller, or is not stable on its own.
     """
 
-    def __init__(self, config: Parameters, model: Impedance, solver: SolverMaker = solver_of) -> None:
+    def __init__(self, config: Parameters, model: Impedance, parts: Parts = PARTS) -> None:
         ts = config.cycle_time
         own = config.environments
-        self.books = Books(ts)
+        self.books = parts.books(ts)
         self._own: tuple[Environment | None, ...] = (None, *simulated_environments(config, model))
         models = [model if found is None else found.model for found in self._own]
-        self.controllers = [ImpedanceController(config, each, self.books, solver) for each in models]
+        self.controllers = [ImpedanceController(config, each, self.books, parts) for each in models]
         self._share = -math.expm1(-ts / own.mean_time)
         self._initial = ENVIRONMENTS.index(config.environment)
         self._n = model.n

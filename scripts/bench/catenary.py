@@ -27,7 +27,6 @@ from bench.catenary_competitors import (
     disagreement,
 )
 from bench.catenary_phases import GROUPS, Share, Shares, same_bits
-from bench.closed_loop import ClosedLoop
 from bench.sparse_lu import SparseLU
 from bench.turns import first
 from catenary_model.boundary import BOUNDARIES
@@ -35,9 +34,9 @@ from catenary_model.build import MovingCatenary, build
 from catenary_model.model import Catenary, Config
 from catenary_model.pantograph import Pantograph
 from catenary_model.ride import push, ride
+from phil_loop import ClosedLoop, settings
 from phil_study.distribution import distribution
 from phil_study.outcome import Outcome, Sheet
-from ride.settings import resolve
 from test_rig_sim.pantographs import PANTOGRAPHS
 
 Array = NDArray[np.float64]
@@ -115,13 +114,17 @@ class InLoop:
     """The model's step in the closed loop, controller and rig called in between."""
 
     def __init__(self) -> None:
-        self._loop = ClosedLoop(resolve(None, {}))
+        self._ride = ClosedLoop(settings(), limits=False).begin(0.0, timed=True)
         self.blocks: list[Array] = []
-        self._loop.times(WARM_UP // 5, 0)
+        self._ride.run(WARM_UP // 5)
 
     def block(self, force: Array) -> None:
         """Time a quarter of these cycles but for the first ones; the force is the controller's own."""
-        self.blocks.append(self._loop.times(max(COLD, force.size // 4 - COLD), COLD)["catenary"])
+        counted = max(COLD, force.size // 4 - COLD)
+        self._ride.run(COLD + counted)
+        times = self._ride.record().times
+        assert times is not None
+        self.blocks.append(times.catenary[-counted:].copy())
 
     @property
     def times(self) -> Array:

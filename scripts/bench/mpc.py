@@ -13,17 +13,17 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
-from bench import mpc_picture, mpc_split, mpc_tables
-from bench.closed_loop import ClosedLoop
+from bench import mpc_picture, mpc_tables
 from bench.mpc_contest import Entry, certificate, contest
 from bench.mpc_problems import GOOD, Sequence
-from bench.mpc_record import record
+from bench.mpc_record import controller_of, record
 from bench.mpc_solvers import CONTROLLER, SOLVERS, version
-from bench.mpc_split import Split
+from bench.mpc_split import Splitting
 from bench.turns import first
+from phil_loop import ClosedLoop, resolve
+from phil_loop.resolution import Settings
 from phil_study.distribution import distribution
 from phil_study.outcome import Outcome, Sheet
-from ride.settings import Settings, resolve
 
 Array = NDArray[np.float64]
 Case = tuple[float, int, int]
@@ -74,14 +74,16 @@ class Riding:
     """One case on its ride; every block goes on where the last one ended."""
 
     def __init__(self, case: Case, warm_up: int) -> None:
-        self.loop = ClosedLoop(settings(case))
-        for _ in self.loop.cycles(warm_up):
-            pass
+        self.ride = ClosedLoop(settings(case), limits=False).begin(0.0, timed=True)
+        self.ride.run(warm_up)
         self.blocks: list[Array] = []
 
     def block(self, cycles: int) -> None:
         """Time these cycles but for the first ones."""
-        self.blocks.append(self.loop.times(cycles - COLD, COLD)["impedance_mpc"])
+        self.ride.run(cycles)
+        times = self.ride.record().times
+        assert times is not None
+        self.blocks.append(times.controller[COLD - cycles :].copy())
 
     @property
     def times(self) -> Array:
@@ -97,8 +99,8 @@ class Riding:
 def recorded(cycles: int) -> dict[str, Sequence]:
     """Record both sequences: an ordinary ride from its start on, and one at the drive's limits."""
     sequences = {
-        RIDE: record(ClosedLoop(settings(CASES[0])), cycles),
-        AT_LIMITS: record(ClosedLoop(settings(CASES[0], **LIMITS)), cycles),
+        RIDE: record(ClosedLoop(settings(CASES[0]), limits=False), cycles),
+        AT_LIMITS: record(ClosedLoop(settings(CASES[0], **LIMITS), limits=False), cycles),
     }
     one, other = sequences.values()
     if not (np.array_equal(one.hessian, other.hessian) and np.array_equal(one.rows, other.rows)):
@@ -111,7 +113,7 @@ def run(quick: bool) -> Outcome:
     rounds, block = (2, 80) if quick else (20, 500)
     load_before = os.getloadavg()[0]
     cases = {case: Riding(case, 50 if quick else WARM_UP) for case in CASES}
-    inside, split = Riding(CASES[0], 50 if quick else WARM_UP), Split()
+    splitting = Splitting(settings(CASES[0]), 50 if quick else WARM_UP)
     granted = True
     for number in range(rounds):
         turn = list(cases.values())
@@ -120,7 +122,7 @@ def run(quick: bool) -> Outcome:
                 riding.block(block)
             granted = granted and got
         with first():
-            mpc_split.block(inside.loop, split, block // 2, COLD)
+            splitting.block(block // 2, COLD)
 
     sequences = recorded(150 if quick else 3000)
     present = [name for name in SOLVERS if version(name) is not None]
@@ -135,8 +137,8 @@ def run(quick: bool) -> Outcome:
     notes = [
         f"SCHED_FIFO as the nodes have it: {'granted' if granted else 'not granted'}; load average (1 min) "
         f"{load_before:.2f} before, {os.getloadavg()[0]:.2f} after, on {os.cpu_count()} processors; {rounds} rounds.",
-        f"Parts: clocked one by one in the same loop, half the {split.clock * 1e3:.0f} ns of a clock taken off; "
-        "the whole is measured in turns without clocks inside, the rest is what the parts leave of it.",
+        f"Parts: clocked one by one in the same ride, half the {splitting.split.clock * 1e3:.0f} ns of a clock taken "
+        "off; the whole is measured in turns without clocks inside, the rest is what the parts leave of it.",
         f"Problems: {sequences[RIDE].count} of each ride, {sequences[RIDE].rows.shape[1]} variables with bounds, "
         f"{sequences[RIDE].rows.shape[0]} two-sided rows. Each solver in a process of its own, through its own Python "
         "interface, with all that it can keep from one problem to the next; its time is from the vectors in to the "
@@ -151,7 +153,7 @@ def run(quick: bool) -> Outcome:
     sheets = [
         _goals(cases[CASES[0]]),
         over,
-        mpc_tables.parts(split, _name(CASES[0])),
+        mpc_tables.parts(splitting.split, _name(CASES[0])),
         *(mpc_tables.solvers(key, f"solvers on {TITLES[key]}", found) for key, found in entries.items()),
         *(mpc_tables.agreement(key, f"solutions on {TITLES[key]}", sequences[key], entries[key]) for key in sequences),
         mpc_tables.kinds(),
@@ -199,7 +201,7 @@ def _goals(riding: Riding) -> Sheet:
 def _over(cases: dict[Case, Riding]) -> Sheet:
     rows: list[dict[str, object]] = []
     for (length, horizon, moves), riding in cases.items():
-        times, controller = riding.times * 1e3, riding.loop.controller
+        times, controller = riding.times * 1e3, controller_of(riding.ride.loop)
         rows.append(
             {
                 "segment_m": length,

@@ -3,35 +3,42 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bench.closed_loop import ClosedLoop
 from bench.mpc_problems import Problem, Sequence
 from impedance_mpc.controller import ImpedanceController
+from phil_loop import ClosedLoop, Moment
 
-Array = NDArray[np.float64]
+
+def controller_of(loop: ClosedLoop) -> ImpedanceController:
+    """Give the controller at work; raises ValueError if the loop has another one than ours."""
+    if loop.control is None:
+        raise ValueError("the loop's controller is not impedance_mpc")
+    return loop.control.switch.controller
 
 
-def watch(controller: ImpedanceController) -> list[Problem]:
-    """Let the controller note each problem that it solves from now on, in a list that grows."""
-    noted: list[Problem] = []
-    solve = controller.qp.solve
+class Programs:
+    """An observer that keeps the problem of each cycle."""
 
-    def noting(g: Array, lower: Array, upper: Array, box_lower: Array, box_upper: Array) -> int:
-        noted.append((g.copy(), lower.copy(), upper.copy(), box_lower.copy(), box_upper.copy()))
-        return solve(g, lower, upper, box_lower, box_upper)
+    def __init__(self) -> None:
+        self.noted: list[Problem] = []
 
-    controller.qp.solve = noting  # type: ignore[method-assign]
-    return noted
+    def __call__(self, moment: Moment) -> None:
+        """Copy the problem behind the command."""
+        g, lower, upper, box_lower, box_upper = controller_of(moment.loop).problem
+        self.noted.append((g.copy(), lower.copy(), upper.copy(), box_lower.copy(), box_upper.copy()))
 
 
 def record(loop: ClosedLoop, cycles: int) -> Sequence:
-    """Ride these cycles and keep their problems."""
-    noted = watch(loop.controller)
-    for _ in loop.cycles(cycles):
-        pass
-    gradient, lower, upper, box_lower, box_upper = (np.array(column) for column in zip(*noted, strict=True))
-    qp = loop.controller.qp
+    """Ride these cycles from the first one on and keep their problems."""
+    programs = Programs()
+    loop.observers.append(programs)
+    try:
+        loop.begin(0.0).run(cycles)
+    finally:
+        loop.observers.remove(programs)
+    gradient, lower, upper, box_lower, box_upper = (np.array(column) for column in zip(*programs.noted, strict=True))
+    controller = controller_of(loop)
+    qp = controller.qp
     return Sequence(
         hessian=qp.hessian,
         rows=qp.rows,
@@ -40,7 +47,7 @@ def record(loop: ClosedLoop, cycles: int) -> Sequence:
         upper=upper,
         box_lower=box_lower,
         box_upper=box_upper,
-        correction=loop.controller.config.control_horizon,
+        correction=controller.config.control_horizon,
         softness=qp.softness,
         tolerance=qp.tolerance,
         iterations=qp.max_iterations,

@@ -1,27 +1,25 @@
-"""Where the time of a controller's cycle goes: its parts clocked from outside, in a closed loop that rides on."""
+"""Where the time of a controller's cycle goes: its parts with clocks in them, beside the same ride without."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from time import perf_counter_ns
-from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-import impedance_mpc.controller as home
-from bench.closed_loop import ClosedLoop
+from impedance_mpc.books import Books
+from impedance_mpc.parts import PARTS as PLAIN
+from impedance_mpc.parts import Parts
+from impedance_mpc.plant import Array
+from impedance_mpc.solver import Solver
+from phil_loop import ClosedLoop, Moment
 
-GROUPS: dict[str, tuple[str, str]] = {
-    "plan carried on, forecast of the force": ("prepare", "force_ahead"),
-    "gradient product, bounds of the rows": ("prepare", "prepare"),
-    "bounds of the correction force": ("correction", "bounds"),
-}
-"""Part to module and function, as the controller calls them; the quadratic program comes on top."""
-PROGRAM, BOOKS, REST = "quadratic program", "books", "rest: readings, clipping, answer"
-PARTS = (*GROUPS, PROGRAM, BOOKS)
+FORECAST, GRADIENT = "plan carried on, forecast of the force", "gradient product, bounds of the rows"
+BOUNDS, PROGRAM, BOOKS = "bounds of the correction force", "quadratic program", "books"
+REST = "rest: readings, clipping, answer"
+PARTS = (FORECAST, GRADIENT, BOUNDS, PROGRAM, BOOKS)
 
 
 @dataclass
@@ -44,28 +42,74 @@ def _clocked(function: Callable[..., Any], into: list[int]) -> Callable[..., Any
     return call
 
 
-@contextmanager
-def _clocks(loop: ClosedLoop) -> Iterator[dict[str, list[int]]]:
-    """Put clocks around the parts of one controller's cycle; the sums go to the lists, ns."""
-    sums: dict[str, list[int]] = {part: [0] for part in PARTS}
-    before = {name: getattr(home, name) for name, _ in GROUPS.values()}
-    for name, module in before.items():
-        assert isinstance(module, ModuleType)
-        setattr(home, name, SimpleNamespace(**vars(module)))
-    for part, (name, function) in GROUPS.items():
-        setattr(getattr(home, name), function, _clocked(getattr(before[name], function), sums[part]))
-    controller = loop.controller
-    qp, books = controller.qp, controller.books
-    qp.solve = _clocked(qp.solve, sums[PROGRAM])  # type: ignore[method-assign]
-    for name in ("add", "accumulate"):
-        setattr(books, name, _clocked(getattr(books, name), sums[BOOKS]))
-    try:
-        yield sums
-    finally:
-        for name, module in before.items():
-            setattr(home, name, module)
-        del qp.solve
-        del books.add, books.accumulate
+class TimedSolver:
+    """A solver with a clock in it."""
+
+    def __init__(self, solver: Solver, into: list[int]) -> None:
+        """Add the time of each call, ns, to the number in ``into``."""
+        self._solver = solver
+        self.hessian, self.rows, self.softness = solver.hessian, solver.rows, solver.softness
+        self.tolerance, self.max_iterations = solver.tolerance, solver.max_iterations
+        self.z = solver.z
+        self.iterations = 0
+        self._into = into
+
+    def reset(self) -> None:
+        """Forget all earlier solutions."""
+        self._solver.reset()
+        self.iterations = 0
+
+    def solve(self, g: Array, lower: Array, upper: Array, box_lower: Array, box_upper: Array) -> int:
+        """Solve, and take the time."""
+        begun = perf_counter_ns()
+        status = self._solver.solve(g, lower, upper, box_lower, box_upper)
+        self._into[0] += perf_counter_ns() - begun
+        self.iterations, self.z = self._solver.iterations, self._solver.z
+        return status
+
+
+def timed_solver(into: list[int]) -> Callable[..., Solver]:
+    """Give a maker of solvers that add their time, ns, to the number in ``into``; for `Parts.solver`."""
+
+    def make(*given: Any) -> Solver:
+        return TimedSolver(PLAIN.solver(*given), into)
+
+    return make
+
+
+class _TimedBooks(Books):
+    """Books with a clock in them; ``into`` is set after construction, as a cleared book is made anew."""
+
+    into: list[int]
+
+    def add(self, f_tr: float, v_tr: float, f_cat: float, v_cat: float) -> None:
+        begun = perf_counter_ns()
+        super().add(f_tr, v_tr, f_cat, v_cat)
+        self.into[0] += perf_counter_ns() - begun
+
+    def accumulate(
+        self, work_tr: float, work_cat: float, impulse_tr: float, impulse_cat: float, counted: bool = True
+    ) -> None:
+        begun = perf_counter_ns()
+        super().accumulate(work_tr, work_cat, impulse_tr, impulse_cat, counted)
+        self.into[0] += perf_counter_ns() - begun
+
+
+def clocked(sums: Mapping[str, list[int]]) -> Parts:
+    """Give a controller's parts that add their times, ns, to the sums."""
+
+    def books(ts: float) -> Books:
+        made = _TimedBooks(ts)
+        made.into = sums[BOOKS]
+        return made
+
+    return Parts(
+        timed_solver(sums[PROGRAM]),
+        books,
+        _clocked(PLAIN.force_ahead, sums[FORECAST]),
+        _clocked(PLAIN.prepare, sums[GRADIENT]),
+        _clocked(PLAIN.bounds, sums[BOUNDS]),
+    )
 
 
 def _clock_cost() -> float:
@@ -87,15 +131,32 @@ def _clock_cost() -> float:
     return float(np.median(found)) * 1e-6
 
 
-def block(loop: ClosedLoop, split: Split, cycles: int, cold: int) -> None:
-    """Ride on for twice these cycles, with and without clocks inside; the first ``cold`` of each are not counted."""
-    split.clock = split.clock or _clock_cost()
-    for number, (_, spent, _) in enumerate(loop.cycles(cycles)):
-        if number >= cold:
-            split.whole.append(spent * 1e-3)
-    with _clocks(loop) as sums:
-        for number, _ in enumerate(loop.cycles(cycles)):
-            for part, one in sums.items():
-                if number >= cold:
-                    split.spent[part].append(one[0] * 1e-3)
-                one[0] = 0
+class Splitting:
+    """The same ride twice, with clocks in the controller's parts and without; each block goes on where one ended."""
+
+    def __init__(self, settings: Mapping[str, Mapping[str, Any]], warm_up: int) -> None:
+        self.split = Split(clock=_clock_cost())
+        self._sums: dict[str, list[int]] = {part: [0] for part in PARTS}
+        self._cold = 0
+        self.plain = ClosedLoop(settings, limits=False)
+        self.inside = ClosedLoop(settings, observers=[self._note], limits=False, parts=clocked(self._sums))
+        self._rides = self.plain.begin(0.0, timed=True), self.inside.begin(0.0)
+        self._cold = warm_up
+        for ride in self._rides:
+            ride.run(warm_up)
+
+    def _note(self, moment: Moment) -> None:
+        for part, one in self._sums.items():
+            if moment.cycle >= self._cold:
+                self.split.spent[part].append(one[0] * 1e-3)
+            one[0] = 0
+
+    def block(self, cycles: int, cold: int) -> None:
+        """Ride on for these cycles with and without clocks; the first ``cold`` of each are not counted."""
+        plain, inside = self._rides
+        self._cold = inside.cycle + cold
+        plain.run(cycles)
+        times = plain.record().times
+        assert times is not None
+        self.split.whole += (1e6 * times.controller[-(cycles - cold) :]).tolist()
+        inside.run(cycles)

@@ -15,18 +15,21 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from phil_loop.controllers import Controller
-    from phil_loop.loop import ClosedLoop, Moment, Observer
+    from phil_loop.loop import ClosedLoop
+    from phil_loop.observing import Moment, Observer
     from phil_loop.record import Record
     from phil_loop.resolution import resolve, settings
+    from phil_loop.ride import Ride
 
-__all__ = ["ClosedLoop", "Controller", "Moment", "Observer", "Record", "resolve", "settings"]
+__all__ = ["ClosedLoop", "Controller", "Moment", "Observer", "Record", "Ride", "resolve", "settings"]
 
 _HOME = {
     "ClosedLoop": "loop",
     "Controller": "controllers",
-    "Moment": "loop",
-    "Observer": "loop",
+    "Moment": "observing",
+    "Observer": "observing",
     "Record": "record",
+    "Ride": "ride",
     "resolve": "resolution",
     "settings": "resolution",
 }

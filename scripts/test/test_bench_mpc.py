@@ -3,19 +3,17 @@
 import dataclasses
 import json
 import sys
-from types import ModuleType
 
 import numpy as np
 import pytest
 
-import impedance_mpc.controller as home
 from bench import __main__ as entry
 from bench import mpc, mpc_contest, mpc_split, mpc_tables
-from bench.closed_loop import ClosedLoop
 from bench.mpc_contest import Entry, accuracy, certificate, contest, run_through
 from bench.mpc_problems import Sequence, distance, excess, residuals, violation
-from bench.mpc_record import record
+from bench.mpc_record import controller_of, record
 from bench.mpc_solvers import CONTROLLER, PROXIMAL, SOLVERS, Known, version
+from phil_loop import ClosedLoop, Moment
 
 CYCLES = 150
 EXACT = 1e-8
@@ -37,16 +35,13 @@ def reference(sequences: dict[str, Sequence]) -> dict[str, np.ndarray]:
 
 
 def test_recorded_problems_are_those_of_the_ride() -> None:
-    loop = ClosedLoop(mpc.settings((20.0, 10, 5)))
     plans = []
-    command = loop.controller.command
 
-    def noting(*given: object) -> home.Command:
-        answer = command(*given)
-        plans.append((*loop.controller.plan[0], *loop.controller.plan[1]))
-        return answer
+    def note(moment: Moment) -> None:
+        moves, correction = controller_of(moment.loop).plan
+        plans.append((*moves, *correction))
 
-    loop.controller.command = noting
+    loop = ClosedLoop(mpc.settings((20.0, 10, 5)), observers=[note], limits=False)
     sequence = record(loop, 40)
     _, solutions, solved = run_through(CONTROLLER, sequence)
     assert solved.all()
@@ -199,18 +194,16 @@ def test_a_solver_that_cannot_work_takes_no_part(sequences: dict[str, Sequence])
     assert "nobody's" in failed["nobody's"]
 
 
-def test_clocks_leave_the_controller_as_it_was() -> None:
-    loop, split = ClosedLoop(mpc.settings((20.0, 10, 5))), mpc_split.Split()
-    mpc_split.block(loop, split, 30, 5)
-    assert all(isinstance(getattr(home, name), ModuleType) for name, _ in mpc_split.GROUPS.values())
-    assert "solve" not in vars(loop.controller.qp)
-    assert not {"add", "accumulate"} & set(vars(loop.controller.books))
-    assert {len(split.spent[part]) for part in mpc_split.PARTS} == {len(split.whole)} == {25}
+def test_clocks_in_the_parts_change_nothing_of_the_ride() -> None:
+    splitting = mpc_split.Splitting(mpc.settings((20.0, 10, 5)), 10)
+    splitting.block(20, 5)
+    splitting.block(20, 5)
+    split = splitting.split
+    assert {len(split.spent[part]) for part in mpc_split.PARTS} == {len(split.whole)} == {30}
     assert all(min(split.spent[part]) > 0.0 for part in mpc_split.PARTS)
-    plain = ClosedLoop(mpc.settings((20.0, 10, 5)))
-    for _ in plain.cycles(60):
-        pass
-    assert np.array_equal(plain.controller.plan[0], loop.controller.plan[0])
+    plain, inside = (controller_of(loop) for loop in (splitting.plain, splitting.inside))
+    assert np.array_equal(plain.plan[0], inside.plan[0])
+    assert plain.books == mpc_split.Books(**dataclasses.asdict(inside.books))
 
 
 def test_quick_bench_fills_every_table(monkeypatch: pytest.MonkeyPatch, tmp_path, capsys) -> None:

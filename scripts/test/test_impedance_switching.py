@@ -1,44 +1,73 @@
 """Switching the environment during a ride, with the catenary, the controllers and the simulated rig."""
 
 import itertools
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from bench.operated_loop import OperatedLoop, Record
 from impedance_mpc.switching import ENVIRONMENTS
-from ride.settings import resolve
+from phil_loop import ClosedLoop, settings
+from phil_loop.events import Events, environment
 
 TS = 0.002
 SWITCHES = {1500: "mass_spring_damper", 2250: "reduced", 3000: "catenary", 3750: "reduced", 4500: "mass_spring_damper"}
 CYCLES = 5250
 
 
-@pytest.fixture(scope="module")
-def loop() -> OperatedLoop:
-    return OperatedLoop(resolve(None, {}))
+class Seen(NamedTuple):
+    """Columns that the tests look at; `v_drive` is the simulated drive's own."""
+
+    environment: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+    w_tr: np.ndarray
+    v_drive: np.ndarray
+    f_contact: np.ndarray
+    w_env: np.ndarray
+    v_env: np.ndarray
+    w_cat: np.ndarray
+    f_cat: np.ndarray
+    delta_work: np.ndarray
+
+
+def ride(loop: ClosedLoop, cycles: int, events: Events) -> Seen:
+    speeds: list[float] = []
+    loop.observers[:] = [lambda moment: speeds.append(float(moment.loop.rig.memory.state[1]))]
+    going = loop.begin(0.0, events)
+    going.run(cycles)
+    found = going.record()
+    return Seen(
+        found.command.environment, found.ramp.start, found.ramp.end, found.rig.w_tr, np.array(speeds),
+        found.true.f_contact, found.command.w_env, found.command.v_env, found.wire.w_cat, found.wire.f_cat,
+        found.books.delta_work,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def record(loop: OperatedLoop) -> Record:
-    events = {k: lambda name=name: loop.switch.select(name) for k, name in SWITCHES.items()}
-    return loop.ride(CYCLES, events)
+def loop() -> ClosedLoop:
+    return ClosedLoop(settings())
 
 
-def acceleration(record: Record) -> np.ndarray:
-    return np.diff(record.v_tr) / TS
+@pytest.fixture(scope="module")
+def record(loop: ClosedLoop) -> Seen:
+    return ride(loop, CYCLES, {k + 1: environment(name) for k, name in SWITCHES.items()})
 
 
-def jumps(record: Record) -> np.ndarray:
+def acceleration(record: Seen) -> np.ndarray:
+    return np.diff(record.v_drive) / TS
+
+
+def jumps(record: Seen) -> np.ndarray:
     return record.start[1:] - record.end[:-1]
 
 
-def test_the_environments_are_those_that_were_chosen(record: Record) -> None:
+def test_the_environments_are_those_that_were_chosen(record: Seen) -> None:
     for k, name in SWITCHES.items():
         assert record.environment[k] != record.environment[k + 1] == ENVIRONMENTS.index(name)
 
 
-def test_a_switch_is_no_harder_on_drive_and_pantograph_than_the_ride_is(record: Record) -> None:
+def test_a_switch_is_no_harder_on_drive_and_pantograph_than_the_ride_is(record: Seen) -> None:
     """Reference, acceleration and force of 0.2 s after each switch, against the ride on the catenary before (2 s)."""
     normal = slice(500, 1500)
     for k in SWITCHES:
@@ -49,7 +78,7 @@ def test_a_switch_is_no_harder_on_drive_and_pantograph_than_the_ride_is(record: 
         assert record.f_contact[after].min() > 0.5 * record.f_contact[normal].min()
 
 
-def test_an_own_environment_begins_with_place_and_velocity_of_the_one_before(record: Record) -> None:
+def test_an_own_environment_begins_with_place_and_velocity_of_the_one_before(record: Seen) -> None:
     """Nothing but one cycle of motion lies between the last reading of one and the first of the other.
 
     What a cycle can add is v Ts, and 60 m/s^2 Ts in velocity; the wire's velocity is rougher than that, by the kinks
@@ -61,7 +90,7 @@ def test_an_own_environment_begins_with_place_and_velocity_of_the_one_before(rec
             assert abs(record.v_env[k + 1] - record.v_env[k]) < 0.15
 
 
-def test_the_drive_follows_each_environment(record: Record) -> None:
+def test_the_drive_follows_each_environment(record: Seen) -> None:
     """Once the gap is closed (0.5 s): a millimetre, of 40 mm of motion on the catenary."""
     begins = [0, *SWITCHES]
     for a, b in itertools.pairwise([*begins, CYCLES]):
@@ -69,7 +98,7 @@ def test_the_drive_follows_each_environment(record: Record) -> None:
         assert np.abs(record.w_tr[settled] - record.w_env[settled]).max() < 1e-3
 
 
-def test_the_catenary_goes_on_under_the_contact_force_meanwhile(record: Record) -> None:
+def test_the_catenary_goes_on_under_the_contact_force_meanwhile(record: Seen) -> None:
     """It is stepped with the predicted contact force: the same mean, and never left without."""
     for k, name in SWITCHES.items():
         if name == "catenary":
@@ -82,36 +111,33 @@ def test_the_catenary_goes_on_under_the_contact_force_meanwhile(record: Record) 
         assert record.w_cat[away].std() > 3e-3  # droppers and masts pass: it has not stopped
 
 
-def test_the_energy_error_of_the_books_stays_small_over_all_switches(loop: OperatedLoop, record: Record) -> None:
+def test_the_energy_error_of_the_books_stays_small_over_all_switches(loop: ClosedLoop, record: Seen) -> None:
     """1 % of what was exchanged: the way through the gap back to the catenary is the largest part."""
-    assert abs(record.delta_work[-1]) < 0.01 * loop.switch.books.exchanged_energy
+    assert abs(record.delta_work[-1]) < 0.01 * loop.commander.books.exchanged_energy
 
 
 def test_two_equal_rides_with_switches_are_equal_to_the_bit() -> None:
-    found = []
-    for _ in range(2):
-        again = OperatedLoop(resolve(None, {}))
-        events = {
-            100 * (i + 1): lambda name=name, again=again: again.switch.select(name)
-            for i, name in enumerate(("mass_spring_damper", "reduced", "catenary"))
-        }
-        found.append(again.ride(400, events))
+    names = ("mass_spring_damper", "reduced", "catenary")
+    events = {100 * (i + 1): environment(name) for i, name in enumerate(names)}
+    found = [ride(ClosedLoop(settings()), 400, events) for _ in range(2)]
     for first, second in zip(*found, strict=True):
         np.testing.assert_array_equal(first, second)
 
 
 def test_warming_up_changes_nothing() -> None:
     """Neither the environment that the parameters chose nor a bit of the ride."""
-    cold, warm = (OperatedLoop(resolve(None, {"impedance_mpc": {"environment": "reduced"}})) for _ in range(2))
-    warm.switch.warm_up()
-    first, second = cold.ride(100, {}), warm.ride(100, {})
+    cold, warm = (ClosedLoop(settings(impedance_mpc={"environment": "reduced"})) for _ in range(2))
+    assert warm.control is not None
+    warm.control.switch.warm_up()
+    first, second = ride(cold, 100, {}), ride(warm, 100, {})
     assert set(second.environment) == {ENVIRONMENTS.index("reduced")}
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_reset_goes_back_to_cycle_0_and_keeps_the_choice(loop: OperatedLoop, record: Record) -> None:
-    switch = loop.switch
+def test_a_reset_goes_back_to_cycle_0_and_keeps_the_choice(loop: ClosedLoop, record: Seen) -> None:
+    assert loop.control is not None
+    switch = loop.control.switch
     switch.reset()
     assert switch.active == 0  # until the first cycle, which swaps
     assert switch.books.exchanged_energy == 0.0

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.closed_loop import ClosedLoop
-from ride.settings import resolve
+from phil_loop import ClosedLoop, settings
 from test_rig_sim.pantographs import PANTOGRAPHS
 
 QUICK = {"run_in": 0.2}
@@ -23,12 +22,9 @@ HAPPENING = {
 
 def ride(changes: dict[str, Any]) -> tuple[np.ndarray, float]:
     """Ride for 1 s; give the contact force from cycle 100 on (all of the lift has come up), and the whole lift."""
-    loop = ClosedLoop(resolve(None, {"test_rig_sim": {**QUICK, **changes}}))
-    force = []
-    for _ in loop.cycles(500):
-        force.append(loop.rig.state.f_contact)
+    loop = ClosedLoop(settings(duration=1.0, test_rig_sim={**QUICK, **changes}), limits=False)
     lift = loop.rig.plant.pantograph.frame.air + 120.0
-    return np.array(force[100:]), lift
+    return loop.ride().true.f_contact[100:], lift
 
 
 @pytest.mark.parametrize("name", PANTOGRAPHS)

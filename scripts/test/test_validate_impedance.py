@@ -16,7 +16,7 @@ from test_rig_sim.pantographs.statics import equilibrium, set_up
 from test_rig_sim.parameters import Parameters as RigParameters
 from validate import impedance, impedance_ride
 from validate.impedance_figures import Figures, accounts, evaluate, in_units, lag, spectra, statistics, whole_spans
-from validate.impedance_ride import CONTROLS, INTEGRATED, RUN_IN, VARIANTS, Case, Direct, Record, Watched
+from validate.impedance_ride import CONTROLS, INTEGRATED, RUN_IN, VARIANTS, Case, Direct, Record, watched
 
 TS = 0.002
 CYCLES = 5000
@@ -215,13 +215,13 @@ def test_a_drive_that_leaves_ends_the_ride(monkeypatch: pytest.MonkeyPatch) -> N
     """The contact point rises by centimetres: where 10 mm are beyond the loop the ride ends; a trip is only noted."""
     settings = impedance_ride.settings_of(Case(250, "en50318"))
     settings["test_rig_sim"] |= {"limits.force": 50.0, "limits.trip_force": 50.0}
-    whole = Watched(settings).ride(1000)
+    whole = watched(settings, 1000)
     assert (whole.cycles, whole.left) == (1000, None)
     assert whole.tripped is not None and "limits.trip_force" in whole.reason
     k = round(whole.tripped / TS)
     assert whole.f_tr[:k].max() <= 50.0 < whole.f_tr[k]
     monkeypatch.setattr(impedance_ride, "BEYOND", 0.01)
-    short = Watched(settings).ride(1000)
+    short = watched(settings, 1000)
     assert short.left is not None and short.cycles == round(short.left / TS) < 1000
     np.testing.assert_array_equal(short.w, whole.w[: short.cycles])
     assert abs(short.w).max() <= 0.01 < abs(whole.w[short.cycles])

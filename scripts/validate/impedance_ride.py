@@ -9,23 +9,23 @@ seconds differ by a twentieth of that at 5 s and by a hundredth at 10 s (320 km/
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from time import perf_counter_ns
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.closed_loop import ClosedLoop
+from bench.mpc_split import timed_solver
 from catenary_model.build import build as build_catenary
 from catenary_model.pantograph import Pantograph
 from catenary_model.parameters import Parameters as CatenaryParameters
 from catenary_model.ride import ride
+from impedance_mpc.parts import PARTS
 from impedance_mpc.solver import DAQP
 from phil_base.parameters import build
-from ride.settings import Settings, resolve
+from phil_loop import ClosedLoop, Moment, resolve
+from phil_loop.resolution import Settings
 from test_rig_sim.limits import Guard, Limits, Measurement
 from test_rig_sim.pantographs import PANTOGRAPHS
 from test_rig_sim.pantographs.statics import set_up
@@ -185,66 +185,69 @@ def direct(case: Case, duration: float) -> Direct:
     return Direct(catenary.config.cycle_time, record.w, record.v, record.F, record.track)
 
 
-class Watched:
-    """A closed loop that notes what happens, and when the rig's limits would have ended the ride."""
+class Watch:
+    """Observes a ride: notes when the rig's limits would have ended it, ends it when the drive has left the loop."""
 
-    COLUMNS = tuple(entry.name for entry in fields(Record) if entry.type == "Array")
-
-    def __init__(self, settings: Settings) -> None:
-        """Build the loop from the parameters of all nodes."""
-        self.loop = ClosedLoop(settings)
-        self.ts = float(settings["test_rig_sim"]["cycle_time"])
+    def __init__(self, settings: Settings, cycles: int, took: list[int], told: Callable[[float], None]) -> None:
+        """Watch so many cycles; ``took`` has the time of the newest quadratic program, ns; `told` hears the share."""
         rig = build(RigParameters, settings["test_rig_sim"])
         self._guard = Guard(Limits(**rig.limits.model_dump()), rig.cycle_time)
         self._inner_steps = rig.inner_steps
-        self._took = 0
-        solve = self.loop.controller.qp.solve
+        self._cycles, self._took, self._told = cycles, took, told
+        self.program: list[int] = []
+        self.last = cycles
+        self.tripped: int | None = None
+        self.reason = ""
 
-        def timed(*given: Any) -> int:
-            begun = perf_counter_ns()
-            status: int = solve(*given)
-            self._took = perf_counter_ns() - begun
-            return status
+    def __call__(self, moment: Moment) -> None:
+        """Look at a cycle."""
+        rig, k = moment.rig, moment.cycle
+        self.program.append(self._took[0])
+        self._took[0] = 0
+        if abs(rig.w_true) > BEYOND:
+            self.last = k
+            moment.loop.stop()
+            return
+        if not self.reason:
+            whole = rig.saturated >= self._inner_steps
+            self.reason = self._guard.check(Measurement(rig.w_tr, rig.v_tr, rig.f_tr, rig.current, whole))
+            self.tripped = k if self.reason else None
+        if k % 500 == 499:
+            self._told((k + 1) / self._cycles)
 
-        setattr(self.loop.controller.qp, "solve", timed)  # noqa: B010 - mypy takes an assignment for a mistake
 
-    def ride(self, cycles: int, told: Callable[[float], None] = lambda _: None) -> Record:
-        """Ride, until the end or until the drive is further away than `BEYOND`; `told` hears the share done."""
-        loop, ts = self.loop, self.ts
-        rig, catenary, controller = loop.rig, loop.catenary, loop.controller
-        rows = np.zeros((cycles, len(self.COLUMNS)))
-        going = loop.cycles(cycles)
-        left = tripped = None
-        reason, last = "", cycles
-        for k in range(cycles):
-            state = rig.state
-            if not (math.isfinite(state.w_true) and math.isfinite(catenary.w_cat)) or abs(state.w_true) > BEYOND:
-                left, last = k * ts, k
-                break
-            if not reason:
-                whole = state.saturated >= self._inner_steps
-                reason = self._guard.check(Measurement(state.w_tr, state.v_tr, state.f_tr, state.current, whole))
-                tripped = k * ts if reason else None
-            row = rows[k]
-            row[:15] = (
-                state.w_true, state.v_true, state.f_contact, state.v_tr, state.f_tr, state.work, state.impulse,
-                state.true_work, state.true_impulse,
-                catenary.w_cat, catenary.v_cat, catenary.f_cat, catenary.work, catenary.impulse,
-                catenary.track_position,
-            )  # fmt: skip
-            _, took, _ = next(going)
-            command, books = controller.result, controller.books
-            row[15:] = (
-                command.f_cor, books.delta_e, books.delta_p, command.iterations, command.fallbacks,
-                1e-9 * self._took, 1e-9 * took,
-            )  # fmt: skip
-            if k % 500 == 499:
-                told((k + 1) / cycles)
-        columns = dict(zip(self.COLUMNS, np.ascontiguousarray(rows[:last].T), strict=True))
-        return Record(ts, **columns, left=left, tripped=tripped, reason=reason)
+def watched(settings: Settings, cycles: int, told: Callable[[float], None] = lambda _: None) -> Record:
+    """Ride, until the end or until the drive is further away than `BEYOND`; `told` hears the share done.
+
+    The rig's limits end nothing, they are only watched.
+    """
+    ts, took = float(settings["test_rig_sim"]["cycle_time"]), [0]
+    watch = Watch(settings, cycles, took, told)
+    loop = ClosedLoop(settings, observers=[watch], limits=False, parts=PARTS._replace(solver=timed_solver(took)))
+    ride = loop.begin(0.0, timed=True)
+    ride.run(cycles)
+    found, last = ride.record(), min(watch.last, ride.cycle)
+    rig, true, wire, command, books = found.rig, found.true, found.wire, found.command, found.books
+    assert found.times is not None
+    columns = {
+        "w": true.w_true, "v": true.v_true, "f": true.f_contact, "v_tr": rig.v_tr, "f_tr": rig.f_tr,
+        "work": rig.work, "impulse": rig.impulse, "true_work": true.true_work, "true_impulse": true.true_impulse,
+        "w_cat": wire.w_cat, "v_cat": wire.v_cat, "f_cat": wire.f_cat,
+        "work_cat": wire.work, "impulse_cat": wire.impulse, "track": wire.track_position,
+        "f_cor": command.f_cor, "delta_e": books.delta_e, "delta_p": books.delta_p,
+        "iterations": command.iterations.astype(np.float64), "fallbacks": command.fallbacks.astype(np.float64),
+        "program": 1e-9 * np.array(watch.program, dtype=np.float64), "controller": found.times.controller,
+    }  # fmt: skip
+    return Record(
+        ts,
+        **{name: column[:last] for name, column in columns.items()},
+        left=None if last == cycles else last * ts,
+        tripped=None if watch.tripped is None else watch.tripped * ts,
+        reason=watch.reason,
+    )
 
 
 def closed_loop(case: Case, duration: float, told: Callable[[float], None] = lambda _: None) -> Record:
     """Ride `duration` s with a rig."""
     settings = settings_of(case)
-    return Watched(settings).ride(round(duration / settings["test_rig_sim"]["cycle_time"]), told)
+    return watched(settings, round(duration / settings["test_rig_sim"]["cycle_time"]), told)

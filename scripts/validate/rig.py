@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phil_base.parameters import build
+from phil_loop import resolve
 from phil_study.outcome import Outcome, Row
-from ride.settings import resolve
 from test_rig_sim import linear_loop, step
 from test_rig_sim.identify import Pt2, Response, identify, relative_error, ride, simulate_pt2
 from test_rig_sim.pantographs.motion import Load

@@ -113,4 +113,4 @@ def unlimited(found: Rules) -> Rules:
         trip_saturation=sys.maxsize,
         thermal_time=found.limits.thermal_time,
     )
-    return found._replace(limits=limits, entry_cycles=0)
+    return found._replace(limits=limits, late_limit=sys.maxsize, entry_cycles=0)
