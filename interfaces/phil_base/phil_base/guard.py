@@ -15,7 +15,8 @@ LARGEST = 1e6
 
 def plausible(*values: float) -> bool:
     """Tell whether all lengths, speeds and forces are finite and within `LARGEST`, of either sign."""
-    return all(-LARGEST <= value <= LARGEST for value in values)
+    # The smallest of some numbers may not be told if one of them is no number.
+    return all(map(isfinite, values)) and min(values) >= -LARGEST and max(values) <= LARGEST
 
 
 def finite(*values: float) -> bool:
@@ -29,7 +30,7 @@ def finite_array(values: Sequence[float], out: NDArray[np.float64]) -> bool:
         return False
     out[:] = values
     # A sum is finite only if every term is, unless finite terms overflow: such a state is to be refused as well.
-    return isfinite(float(out.sum()))
+    return isfinite(np.add.reduce(out))
 
 
 def objection(message: Any, names: Sequence[str], sizes: int | None = None) -> str:

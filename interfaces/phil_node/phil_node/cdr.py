@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from struct import Struct
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.serialization import deserialize_message
@@ -54,6 +54,17 @@ class Header:
         self.stamp, self.frame_id = Stamp(), frame_id
 
 
+class _Compiled(NamedTuple):
+    """Functions that are written for one plan: a loop over its fields takes several times as long."""
+
+    put: Callable[[Any, bytearray], None]
+    """Writes the numbers of a message into its bytes."""
+    fits: Callable[[bytes], bool]
+    """Tells whether bytes are laid out as planned."""
+    read: Callable[[bytes], Any]
+    """Gives the message in bytes that fit; its arrays are views of them."""
+
+
 class Plan:
     """Where each field of a kind of message stands, if its frame and the lengths of its arrays never change.
 
@@ -84,7 +95,7 @@ class Plan:
         names = {"__slots__": tuple(fields), **constants}
         self._view: Any = type(f"{kind.__name__}View", (), names)
         self._written: Any = type(f"{kind.__name__}Written", (Written,), names)
-        self._put, self._get = self._compile()
+        self._put, self.fits, self.read_fitting = self._compile()
 
     def _place(self, name: str, type_name: str) -> None:
         sequence = SEQUENCE.fullmatch(type_name)
@@ -121,21 +132,42 @@ class Plan:
             self._scalars.append(f"mark_{len(self._marks) - 1}")
         self._at += gap + len(content)
 
-    def _compile(self) -> tuple[Callable[[Any, bytearray], None], Callable[[Any, bytes], None]]:
-        """Write the two functions that move all numbers at once: a loop over the names takes five times as long."""
+    def _compile(self) -> _Compiled:
+        """Write the functions that move all numbers at once."""
         struct = Struct(self._format)
         space: dict[str, Any] = {"pack_into": struct.pack_into, "unpack_from": struct.unpack_from}
+        space |= {"new": object.__new__, "View": self._view, "Header": Header, "Stamp": Stamp, "frame": self.frame_id}
         space |= {f"mark_{i}": content for i, (_, content) in enumerate(self._marks)}
         names = [name if name.startswith("mark_") else f"m.{name}" for name in self._scalars]
         targets = ["_" if name.startswith("mark_") else name for name in names]
         source = f"def put(m, data):\n pack_into(data, {len(HEAD)}, {', '.join(names)})\n"
-        source += f"def get(m, data):\n {', '.join(targets)}, = unpack_from(data, {len(HEAD)})\n"
+        alike = [f"data[{at}:{at + len(mark)}] == mark_{i}" for i, (at, mark) in enumerate(self._marks)]
+        source += f"def fits(data):\n return len(data) == {self.size} and {' and '.join(alike)}\n"
+        source += "def read(data):\n m = new(View)\n m.header = h = new(Header)\n h.stamp = new(Stamp)\n"
+        source += " h.frame_id = frame\n"
+        source += f" {', '.join(targets)}, = unpack_from(data, {len(HEAD)})\n" if names else ""
+        source += self._views(space) + " return m\n"
         exec(source, space)  # names of fields, out of a message's own definition, and nothing else
-        return space["put"], space["get"]
+        return _Compiled(space["put"], space["fits"], space["read"])
 
-    def fits(self, data: bytes) -> bool:
-        """Tell whether these bytes are laid out as planned."""
-        return len(data) == self.size and all(data[at : at + len(mark)] == mark for at, mark in self._marks)
+    def _views(self, space: dict[str, Any]) -> str:
+        """Write the lines that make views of the arrays: slices of one array, if they stand on one grid."""
+        space["frombuffer"] = np.frombuffer
+        types = {np.dtype(code) for _, code, _ in self.arrays.values()}
+        begin = min((at for at, _, _ in self.arrays.values()), default=0)
+        end = max((at + size * np.dtype(code).itemsize for at, code, size in self.arrays.values()), default=0)
+        if len(types) == 1 and end > begin:
+            (space["kind"],) = types
+            width = space["kind"].itemsize
+            if all((at - begin) % width == 0 for at, _, _ in self.arrays.values()):
+                source = f" a = frombuffer(data, kind, {(end - begin) // width}, {begin})\n"
+                places = [(name, (at - begin) // width, size) for name, (at, _, size) in self.arrays.items()]
+                return source + "".join(f" m.{name} = a[{at}:{at + size}]\n" for name, at, size in places)
+        source = ""
+        for name, (at, code, size) in self.arrays.items():
+            space[f"kind_{name}"] = np.dtype(code)
+            source += f" m.{name} = frombuffer(data, kind_{name}, {size}, {at})\n"
+        return source
 
     def read(self, data: bytes) -> Any:
         """Give the message in these bytes, with the fields' names; arrays of one that fits are views of the bytes.
@@ -147,14 +179,7 @@ class Plan:
         Exception
             The bytes are no message of this kind.
         """
-        if not self.fits(data):
-            return deserialize_message(data, self.kind)
-        message = self._view()
-        message.header = Header(self.frame_id)
-        self._get(message, data)
-        for name, (at, code, size) in self.arrays.items():
-            setattr(message, name, np.frombuffer(data, code, size, at))
-        return message
+        return self.read_fitting(data) if self.fits(data) else deserialize_message(data, self.kind)
 
     def writer(self) -> Writer:
         """Give a message to be filled and sent again and again."""
@@ -284,7 +309,7 @@ class Reader:
         """
         plan = self._plan
         if plan is not None and plan.fits(data):
-            return plan.read(data)
+            return plan.read_fitting(data)
         message = deserialize_message(data, self._kind)
         if self._lessons:
             self._lessons -= 1

@@ -40,7 +40,10 @@ class Box:
     def send(self, data: bytes) -> None:
         """Hand a message (CDR) over, soon and in turn; never here and now, so that a sender is never called back."""
         if self.peers or self.followers or self.kept is not None:
-            self._exchange.post(self, data)
+            exchange = self._exchange
+            exchange.waiting.append((self, data))
+            if not exchange.busy:
+                exchange.wake()
 
     def close(self) -> None:
         """Leave all; what waits is handed over to nobody."""
@@ -54,11 +57,13 @@ class Exchange:
 
     def __init__(self, wake: Callable[[], None]) -> None:
         """Take what wakes that thread up."""
-        self._wake = wake
+        self.wake = wake
         self._boxes: dict[str, Box] = {}
-        self._waiting: deque[tuple[Box, bytes]] = deque()
-        self._followed: deque[tuple[Box, Any, bytes]] = deque()
-        self._busy = False
+        self.waiting: deque[tuple[Box, bytes]] = deque()
+        """What was sent and has not had its turn."""
+        self._followed: deque[tuple[tuple[Receiver, ...], Any, bytes]] = deque()
+        self.busy = False
+        """Whether the thread is at it, and need not be woken."""
         self._entering = threading.Lock()
 
     def open(self, name: str, kind: Any, kept: int) -> Box:
@@ -91,40 +96,36 @@ class Exchange:
             box.peers = tuple(other for other in box.peers if other is not receiver)
             box.followers = tuple(other for other in box.followers if other is not receiver)
 
-    def post(self, box: Box, data: bytes) -> None:
-        """Let a message wait for its turn, and wake the thread that hands it over unless it is at it."""
-        self._waiting.append((box, data))
-        if not self._busy:
-            self._wake()
-
     def deliver(self) -> bool:
         """Hand over what waits, a portion at most; tell whether more waits."""
-        waiting, followed = self._waiting, self._followed
-        self._busy = True
+        waiting, followed = self.waiting, self._followed
+        self.busy = True
         left = PORTION
         while waiting and left:
             left -= 1
             box, data = waiting.popleft()
             message = box.reader.read(data)
-            with self._entering:
-                peers, followers = box.peers, box.followers
-                if box.kept is not None:
+            if box.kept is not None:
+                with self._entering:  # who joins now has it either way, not both ways
                     box.kept.append(data)
-            for receiver in peers:
+                    followers = box.followers
+            else:
+                followers = box.followers
+            for receiver in box.peers:
                 receiver.take(message, data)  # type: ignore[attr-defined]
             if followers:
-                followed.append((box, message, data))
+                followed.append((followers, message, data))
         while followed:
-            box, message, data = followed.popleft()
-            for receiver in box.followers:
+            followers, message, data = followed.popleft()
+            for receiver in followers:
                 receiver.take(message, data)  # type: ignore[attr-defined]
         # First this, then the look: what is sent in between is seen by one of the two.
-        self._busy = bool(waiting)
-        return self._busy or bool(waiting)
+        self.busy = bool(waiting)
+        return self.busy or bool(waiting)
 
     def clear(self) -> None:
         """Drop what waits."""
-        self._waiting.clear()
+        self.waiting.clear()
         self._followed.clear()
 
 

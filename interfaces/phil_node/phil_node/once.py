@@ -31,6 +31,10 @@ class Once:
 
     def from_link(self, data: bytes) -> bool:
         """Tell whether a message that came by the link is new."""
+        if self._ways is None and self._way == LINK:
+            self._alone[self._count % REMEMBERED] = hash(data)
+            self._count += 1
+            return True
         return self._new(data, LINK)
 
     def from_topic(self, data: bytes) -> bool:
