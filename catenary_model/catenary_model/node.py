@@ -154,8 +154,7 @@ class CatenaryNode(PhilNode[Parameters]):
         state.track_position = c.track_position
         state.droppers, state.slack_droppers = c.droppers, c.slack_droppers
         state.iterations = min(c.iterations, 255)
-        for buffer, row in zip(self._buffers, c.state.segment, strict=True):
-            buffer[:] = row
+        self._rows[:] = c.state.segment
         self._send_state()
         if c.cycle % self._shape_every == 0:
             self._fill_shape()
@@ -166,7 +165,7 @@ class CatenaryNode(PhilNode[Parameters]):
         c = self.catenary
         self._state = Plan(CatenaryState, FRAME, dict.fromkeys(SEGMENT, c.reduced.n)).writer().message
         self._state.speed = c.config.speed
-        self._buffers = [getattr(self._state, field) for field in SEGMENT]
+        self._rows = self._state.rows
         self._sent_at = 0.0
         self._shape = OpenWriter(WireShape, FRAME).message
 

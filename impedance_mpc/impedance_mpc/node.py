@@ -21,7 +21,7 @@ from impedance_mpc.parameters import CORRECTED, INTEGRATED, Parameters
 from impedance_mpc.plant import Impedance
 from impedance_mpc.switching import ENVIRONMENTS, EnvironmentSwitch
 from phil_base.enumerations import Correction
-from phil_base.guard import finite, finite_array, objection, plausible
+from phil_base.guard import finite, finite_rows, objection, plausible
 from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
@@ -60,8 +60,9 @@ class ImpedanceNode(PhilNode[Parameters]):
         self.cycle = ControllerCycle(self.parameters, model)
         self.switch = self.cycle.switch
         self.switch.warm_up()
-        zeros = np.zeros(model.n)
-        self.segment = (zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy())
+        self._rows = np.zeros((len(SEGMENT), model.n))
+        self.segment = tuple(self._rows)
+        self._loaded: CatenaryState | None = None
         self.pairs.clear()
         self.answer = Plan(ImpedanceCommand, "rig").writer().message
         self.quantities = Plan(ConservedQuantities, "rig").writer().message
@@ -198,19 +199,17 @@ class ImpedanceNode(PhilNode[Parameters]):
 
     def _take_catenary(self, state: CatenaryState) -> None:
         self.timing.begin()
-        q, qd, qdd, held = self.segment
+        self._loaded = None
         usable = (
             plausible(state.w_cat, state.v_cat, state.f_cat)
             and finite(state.work, state.impulse)
-            and finite_array(state.segment_displacement, q)
-            and finite_array(state.segment_velocity, qd)
-            and finite_array(state.segment_acceleration, qdd)
-            and finite_array(state.segment_force, held)
+            and finite_rows(state, SEGMENT, self._rows)
         )
         if not usable:
             self._refuse("catenary", state, WIRE_NUMBERS)
             self._ask_again(state.cycle)
             return
+        self._loaded = state
         arrival = self.pairs.add_catenary(state.cycle, state)
         if arrival in NOT_USED or self.unusable + self.pairs.refused != self.timing.refused:
             self._object("catenary", state.cycle, arrival)
@@ -261,11 +260,10 @@ class ImpedanceNode(PhilNode[Parameters]):
     def _answer_all(self) -> None:
         while (pair := self.pairs.take()) is not None:
             cycle, rig, wire = pair
+            if wire is not self._loaded:  # not the one that came last, which has been copied already
+                finite_rows(wire, SEGMENT, self._rows)
+                self._loaded = wire
             q, qd, qdd, held = self.segment
-            q[:] = wire.segment_displacement
-            qd[:] = wire.segment_velocity
-            qdd[:] = wire.segment_acceleration
-            held[:] = wire.segment_force
             answer = self.cycle.answer(
                 RigReading(rig.w_tr, rig.v_tr, rig.f_tr, rig.reference, rig.work, rig.impulse),
                 EnvironmentReading(q, qd, qdd, held, wire.w_cat, wire.v_cat, wire.f_cat, wire.work, wire.impulse),

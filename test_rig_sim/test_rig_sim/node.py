@@ -16,6 +16,7 @@ from phil_node.base import WARN, Diagnosis, PhilNode, leave, run
 from phil_node.cdr import Plan
 from phil_node.diagnosis import SILENT
 from phil_node.qos import CYCLE, VIEW
+from phil_node.stencil import Stencil
 from test_rig_sim.cycle import RigCycle
 from test_rig_sim.diagnosis import diagnosis, missing_command, missing_listeners, to_go_on
 from test_rig_sim.pacing import CycleClock
@@ -57,11 +58,13 @@ class RigNode(PhilNode[Parameters]):
         self._drive = RigCycle(p)
         self._drive.rig.advance(0.0, 0.0)
         self._message = Plan(RigState, "rig").writer().message
-        self._joints = JointState()
-        self._joints.header.frame_id = "rig"
-        self._joints.name = ["drive", *(f"pantograph_{i}" for i in range(1, self._drive.rig.bodies)), "pantograph_head"]
-        self._wrench = WrenchStamped()
-        self._wrench.header.frame_id = "rig"
+        bodies = self._drive.rig.bodies
+        joints, wrench = JointState(), WrenchStamped()
+        joints.header.frame_id = wrench.header.frame_id = "rig"
+        joints.name = ["drive", *(f"pantograph_{i}" for i in range(1, bodies)), "pantograph_head"]
+        joints.position = joints.velocity = joints.effort = [0.0] * (1 + bodies)
+        self._joints = Stencil(joints, "position", "velocity", "effort")
+        self._wrench = Stencil(wrench, "wrench.force.z")
         self._state_out = self.send_cycles(RigState, "test_rig_sim/state", CYCLE, peers=1)
         self._joints_out = self.publish_on(JointState, "test_rig_sim/joint_states", VIEW)
         self._wrench_out = self.publish_on(WrenchStamped, "test_rig_sim/contact_force", VIEW)
@@ -206,12 +209,13 @@ class RigNode(PhilNode[Parameters]):
         rig, message = self._drive.rig, self._message
         displacement, velocity = rig.pantograph_state()
         now = message.header.stamp
-        for stamp in (self._joints.header.stamp, self._wrench.header.stamp):
-            stamp.sec, stamp.nanosec = now.sec, now.nanosec
-        self._joints.position = [message.w_tr, *displacement.tolist()]
-        self._joints.velocity = [message.v_tr, *velocity.tolist()]
-        self._joints.effort = [rig.plant.drive.force_constant * message.current, *([0.0] * rig.bodies)]
-        self._wrench.wrench.force.z = message.f_tr
+        joints, wrench = self._joints, self._wrench
+        for view in (joints, wrench):
+            view.stamp(now.sec, now.nanosec)
+        joints["position"][0], joints["velocity"][0] = message.w_tr, message.v_tr
+        joints["position"][1:], joints["velocity"][1:] = displacement, velocity
+        joints["effort"][0] = rig.plant.drive.force_constant * message.current
+        wrench["wrench.force.z"][0] = message.f_tr
         self._joints_out.publish(self._joints)
         self._wrench_out.publish(self._wrench)
 

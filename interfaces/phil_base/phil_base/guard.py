@@ -33,6 +33,20 @@ def finite_array(values: Sequence[float], out: NDArray[np.float64]) -> bool:
     return isfinite(np.add.reduce(out))
 
 
+def finite_rows(message: Any, names: Sequence[str], out: NDArray[np.float64]) -> bool:
+    """Do as `finite_array` with several arrays of a message: the one of ``names[i]`` goes to ``out[i]``.
+
+    A message that has them as ``rows`` of one array is looked at in one go.
+    """
+    rows = getattr(message, "rows", None)
+    if rows is None:
+        return all(finite_array(getattr(message, name), row) for name, row in zip(names, out, strict=True))
+    if rows.shape != out.shape:
+        return False
+    out[:] = rows
+    return isfinite(np.add.reduce(out, axis=None))
+
+
 def objection(message: Any, names: Sequence[str], sizes: int | None = None) -> str:
     """Say in words which of a message's fields cannot be used; an array has to have ``sizes`` entries, if given."""
     unusable, found = [], []

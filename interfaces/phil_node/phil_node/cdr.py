@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from struct import Struct
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
 
 CODES = {
@@ -92,9 +94,12 @@ class Plan:
             self._place(name, type_name)
         self.size = len(HEAD) + self._at
         constants = {name: getattr(kind, name) for name in dir(kind) if name.isupper()}
-        names = {"__slots__": tuple(fields), **constants}
+        self.grid = self._grid()
+        """Of arrays of one type and one length: both, and the number of bytes from one to the next; else None."""
+        names = {"__slots__": (*fields, *(("rows",) if self.grid else ())), **constants}
         self._view: Any = type(f"{kind.__name__}View", (), names)
         self._written: Any = type(f"{kind.__name__}Written", (Written,), names)
+        self._begin = min((at for at, _, _ in self.arrays.values()), default=0)
         self._put, self.fits, self.read_fitting = self._compile()
 
     def _place(self, name: str, type_name: str) -> None:
@@ -132,6 +137,14 @@ class Plan:
             self._scalars.append(f"mark_{len(self._marks) - 1}")
         self._at += gap + len(content)
 
+    def _grid(self) -> tuple[np.dtype[Any], int, int] | None:
+        places = list(self.arrays.values())
+        steps = {after[0] - before[0] for before, after in pairwise(places)}
+        alike = {(code, size) for _, code, size in places}
+        if len(steps) != 1 or len(alike) != 1 or not places[0][2]:
+            return None
+        return np.dtype(places[0][1]), places[0][2], steps.pop()
+
     def _compile(self) -> _Compiled:
         """Write the functions that move all numbers at once."""
         struct = Struct(self._format)
@@ -151,23 +164,21 @@ class Plan:
         return _Compiled(space["put"], space["fits"], space["read"])
 
     def _views(self, space: dict[str, Any]) -> str:
-        """Write the lines that make views of the arrays: slices of one array, if they stand on one grid."""
-        space["frombuffer"] = np.frombuffer
-        types = {np.dtype(code) for _, code, _ in self.arrays.values()}
-        begin = min((at for at, _, _ in self.arrays.values()), default=0)
-        end = max((at + size * np.dtype(code).itemsize for at, code, size in self.arrays.values()), default=0)
-        if len(types) == 1 and end > begin:
-            (space["kind"],) = types
-            width = space["kind"].itemsize
-            if all((at - begin) % width == 0 for at, _, _ in self.arrays.values()):
-                source = f" a = frombuffer(data, kind, {(end - begin) // width}, {begin})\n"
-                places = [(name, (at - begin) // width, size) for name, (at, _, size) in self.arrays.items()]
-                return source + "".join(f" m.{name} = a[{at}:{at + size}]\n" for name, at, size in places)
+        """Write the lines that make views of the arrays; as ``rows`` of one, too, if they are alike."""
+        space |= {"frombuffer": np.frombuffer, "rows": self._rows}
+        if self.grid is not None:
+            return f" m.rows = r = rows(data)\n {', '.join(f'm.{name}' for name in self.arrays)} = r\n"
         source = ""
         for name, (at, code, size) in self.arrays.items():
             space[f"kind_{name}"] = np.dtype(code)
             source += f" m.{name} = frombuffer(data, kind_{name}, {size}, {at})\n"
         return source
+
+    def _rows(self, data: bytes | bytearray) -> NDArray[Any]:
+        """Give the arrays in some bytes as rows of one, if there is a `grid`."""
+        assert self.grid is not None
+        kind, size, step = self.grid
+        return np.ndarray((len(self.arrays), size), kind, data, self._begin, (step, kind.itemsize))
 
     def read(self, data: bytes) -> Any:
         """Give the message in these bytes, with the fields' names; arrays of one that fits are views of the bytes.
@@ -192,6 +203,8 @@ class Plan:
             buffer[at : at + len(mark)] = mark
         for name, (at, code, size) in self.arrays.items():
             setattr(message, name, np.frombuffer(buffer, code, size, at))
+        if self.grid is not None:
+            message.rows = self._rows(buffer)
         return Writer(message, buffer, self._put, self.writer)
 
 
@@ -224,7 +237,7 @@ class Writer:
         made.header.stamp.sec, made.header.stamp.nanosec = mine.header.stamp.sec, mine.header.stamp.nanosec
         for name in type(mine).__slots__:
             value = getattr(mine, name)
-            if name != "header":
+            if name not in ("header", "rows"):
                 self._set(made, name, value)
         return made  # type: ignore[no-any-return]
 

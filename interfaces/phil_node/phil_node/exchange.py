@@ -8,11 +8,13 @@ of bytes that never change, so nobody sees what a sender writes next, and nobody
 from __future__ import annotations
 
 import threading
+from array import array
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from phil_node.cdr import Reader
+from phil_node.once import REMEMBERED
 from phil_node.paths import CycleReceiver, Follower, Receiver
 
 PORTION = 48
@@ -31,6 +33,9 @@ class Box:
         self.peers: tuple[Receiver, ...] = ()
         self.followers: tuple[Receiver, ...] = ()
         self.kept: deque[bytes] | None = deque(maxlen=kept) if kept else None
+        self.count = 0
+        self.digests = array("q", bytes(8 * REMEMBERED))
+        """Of the messages handed over last, for receivers that hear by DDS as well."""
 
     alone = False
     """There is no socket at which somebody could ask to be let in."""
@@ -105,6 +110,8 @@ class Exchange:
             left -= 1
             box, data = waiting.popleft()
             message = box.reader.read(data)
+            box.digests[box.count % REMEMBERED] = hash(data)
+            box.count += 1
             if box.kept is not None:
                 with self._entering:  # who joins now has it either way, not both ways
                     box.kept.append(data)
@@ -147,6 +154,9 @@ class _Handed:
         self._name, self._member = name, member
         self._box: Box | None = None
         self._late: list[bytes] = []
+        self._begun = 0
+        self._heard = False
+        """Whether anything came by the topic; as long as nothing does, nothing can come twice."""
 
     @property
     def linked(self) -> bool:
@@ -157,7 +167,7 @@ class _Handed:
         """Join if the sender is there."""
         exchange = self._member.exchange
         if self._box is None and (box := exchange.box(self._name)) is not None:
-            self._box = box
+            self._box, self._begun = box, box.count
             self._late = exchange.join(box, self, self.follows)
             self._tell(True)  # type: ignore[attr-defined]
 
@@ -171,6 +181,7 @@ class _Handed:
         """Leave, and forget what came."""
         with self._member.lock:
             self._once.clear()  # type: ignore[attr-defined]
+            self._heard = False
             if self._box is not None:
                 self._member.exchange.leave(self._box, self)
                 self.gone()
@@ -182,11 +193,20 @@ class _Handed:
             for data in late:
                 self._take_link(data)  # type: ignore[attr-defined]
 
+    def from_topic(self, data: bytes) -> None:
+        """Take a message in CDR that came by DDS; with the node's lock held."""
+        if not self._heard:
+            self._heard = True
+            if (box := self._box) is not None:
+                for number in range(max(self._begun, box.count - REMEMBERED), box.count):
+                    self._once.remember(box.digests[number % REMEMBERED])  # type: ignore[attr-defined]
+        super().from_topic(data)  # type: ignore[misc]
+
     def take(self, message: Any, data: bytes) -> None:
         """Take a message that was handed over, as it reads and as it was written."""
         member = self._member
         with member.lock:
-            if member.running and self._box is not None and self._once.from_link(data):  # type: ignore[attr-defined]
+            if member.running and (not self._heard or self._once.from_link(data)):  # type: ignore[attr-defined]
                 try:
                     self._callback(message)  # type: ignore[attr-defined]
                 except BaseException as error:

@@ -37,6 +37,11 @@ class Once:
             return True
         return self._new(data, LINK)
 
+    def remember(self, digest: int) -> None:
+        """Take note of a message that came by the link before, by the hash of its bytes; before any by the topic."""
+        self._alone[self._count % REMEMBERED] = digest
+        self._count += 1
+
     def from_topic(self, data: bytes) -> bool:
         """Tell whether a message that came by the topic is new."""
         return self._new(data, TOPIC)

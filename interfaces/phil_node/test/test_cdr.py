@@ -6,6 +6,7 @@ import copy
 from array import array
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,7 +16,11 @@ messages = pytest.importorskip("phil_interfaces.msg", reason="the interfaces are
 
 from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
 
+from phil_base.guard import finite_rows  # noqa: E402
 from phil_node.cdr import SEQUENCE, OpenWriter, Plan  # noqa: E402
+from phil_node.stencil import Stencil  # noqa: E402
+
+SEGMENT = tuple(f"segment_{name}" for name in ("displacement", "velocity", "acceleration", "force"))
 
 KINDS = {
     messages.RigState: ("rig", {}),
@@ -24,7 +29,7 @@ KINDS = {
     messages.ContactQuality: ("rig", {}),
     messages.CatenaryState: (
         "train",
-        {f"segment_{name}": 7 for name in ("displacement", "velocity", "acceleration", "force")},
+        dict.fromkeys(SEGMENT, 7),
     ),
     messages.WireShape: (
         "train",
@@ -145,3 +150,51 @@ def test_a_copy_of_a_written_message_has_its_content_and_a_life_of_its_own(kind:
     copied.cycle, copied.header.stamp.sec = original.cycle ^ 1, original.header.stamp.sec ^ 1
     assert deserialize_message(writer.bytes(), kind) == original
     assert deserialize_message(copied.writer.bytes(), kind).cycle == original.cycle ^ 1
+
+
+def test_a_stencil_writes_what_rclpy_would_write_of_the_same_numbers():
+    from geometry_msgs.msg import WrenchStamped
+    from sensor_msgs.msg import JointState
+
+    names = ["drive", "pantograph_head"]
+    joints = JointState(name=names, position=[0.0, 0.0], velocity=[0.0, 0.0])
+    joints.header.frame_id = "rig"
+    stencil = Stencil(joints, "position", "velocity")
+    for number in (1.5, -0.0, 1e-310):
+        stencil.stamp(7, 999_999_999)
+        stencil["position"][:] = number, 2.0
+        stencil["velocity"][1] = -number
+        read = stencil.message()
+        assert (read.header.stamp.sec, read.header.stamp.nanosec, read.header.frame_id) == (7, 999_999_999, "rig")
+        assert read.name == names and list(read.effort) == []
+        assert [str(value) for value in read.position] == [str(number), "2.0"]
+        assert [str(value) for value in read.velocity] == ["0.0", str(-number)]
+    before = stencil.bytes()
+    stencil["position"][0] = 3.0
+    assert before != stencil.bytes()  # what was given is not changed by what is set later
+    wrench = Stencil(WrenchStamped(), "wrench.force.z")
+    wrench["wrench.force.z"][0] = 120.0
+    read = wrench.message().wrench
+    assert (read.force.x, read.force.y, read.force.z, read.torque.z) == (0.0, 0.0, 120.0, 0.0)
+    with pytest.raises(ValueError, match="no number"):
+        Stencil(JointState(), "name")
+
+
+def test_arrays_that_are_alike_are_rows_of_one_and_the_same_as_the_fields():
+    sizes = dict.fromkeys(SEGMENT, 5)
+    plan = Plan(messages.CatenaryState, "train", sizes)
+    message = plan.writer().message
+    message.rows[:] = np.arange(20.0).reshape(4, 5)
+    read = plan.read(message.writer.bytes())
+    for number, name in enumerate(SEGMENT):
+        assert getattr(message, name).tolist() == getattr(read, name).tolist() == read.rows[number].tolist()
+        assert getattr(read, name).tolist() == [5.0 * number + k for k in range(5)]
+    as_rclpy = deserialize_message(message.writer.bytes(), messages.CatenaryState)
+    into, other = np.zeros((4, 5)), np.zeros((4, 5))
+    assert finite_rows(read, SEGMENT, into) and finite_rows(as_rclpy, SEGMENT, other)
+    assert (into == other).all() and (into == message.rows).all()
+    message.rows[2, 3] = np.inf
+    data = message.writer.bytes()
+    for wrong in (plan.read(data), deserialize_message(data, messages.CatenaryState)):
+        assert not finite_rows(wrong, SEGMENT, into)
+        assert not finite_rows(wrong, SEGMENT, np.zeros((4, 6)))
