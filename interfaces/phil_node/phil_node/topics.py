@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import select
 import socket
@@ -88,6 +89,7 @@ class TopicsProcess:
         self._room = memoryview(bytearray(LONGEST))
         self._hellos: list[Command] = []
         self._receiving = threading.Lock()
+        self._dead: list[subprocess.Popen[bytes] | Forked] = []
         self._start(forked)
 
     def _start(self, forked: bool = False) -> None:
@@ -104,6 +106,7 @@ class TopicsProcess:
                 self._child = subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, pass_fds=(file,), start_new_session=True
                 )
+        self._end = os.pidfd_open(self._child.pid)
         let_go(self._child.pid)  # a node's thread that starts it again may come before others, on the cycle's CPU
         ours.setblocking(False)
         self._connection = ours
@@ -131,8 +134,8 @@ class TopicsProcess:
 
     @property
     def gone(self) -> bool:
-        """Tell whether the process is over."""
-        return self._peer.gone or self._child.poll() is not None
+        """Tell whether the process is over; it is not taken off the system's list, see `close`."""
+        return self._peer.gone or bool(select.select([self._end], [], [], 0.0)[0])
 
     def name(self, node: str, namespace: str) -> int:
         """Tell whose process it is, the first thing to be said; give the number of this node among several."""
@@ -215,22 +218,31 @@ class TopicsProcess:
         self._lost += self._peer.dropped
         with self.lock:
             self._peer.close()
-        with suppress(subprocess.TimeoutExpired):
-            self._child.wait(0.1)
+        os.close(self._end)
+        self._dead.append(self._child)
         self.counts = {}
         self._start()
         for command in (*self._hellos, *self._entries.values(), *self._states.values()):
             self._tell(command)
 
     def close(self) -> None:
-        """Leave it: it ends by itself, or is ended."""
+        """Leave it: it ends by itself, or is ended.
+
+        The calling thread gives up SCHED_FIFO. Linux takes a child that is over off its list in the thread that asks
+        for it, and waits there, in a loop, for whoever looks at the child in /proc at that moment: one that comes
+        before all others would keep that one from going on, and wait for ever.
+        """
         with self.lock:
             self._peer.close()
-        try:
-            self._child.wait(END)
-        except subprocess.TimeoutExpired:
-            self._child.kill()
-            self._child.wait()
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.close(self._end)
+        for child in (*self._dead, self._child):
+            try:
+                child.wait(END)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
 
     def _number(self) -> int:
         self._next += 1

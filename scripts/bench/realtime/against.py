@@ -74,10 +74,12 @@ def checked_out(sha: str) -> Path:
             if done.returncode:
                 raise AgainstError(f"git: {done.stderr.strip()}")
         raw.rename(folder)
-    if (folder / "pyproject.toml").read_bytes() == (ROOT / "pyproject.toml").read_bytes():
-        for name in ENVIRONMENTS:
-            if (ROOT / name).is_dir() and not (folder / name).exists():
-                (folder / name).symlink_to((ROOT / name).resolve())
+    shared = (folder / "pyproject.toml").read_bytes() == (ROOT / "pyproject.toml").read_bytes()
+    for name in ENVIRONMENTS:
+        if (folder / name).is_symlink() and not shared:
+            (folder / name).unlink()  # it was, when this revision wanted the same
+        if shared and (ROOT / name).is_dir() and not (folder / name).exists():
+            (folder / name).symlink_to((ROOT / name).resolve())
     return folder
 
 
