@@ -34,6 +34,8 @@ class Managed:
         self.state = "unconfigured"
         self._client = node.create_client(ChangeState, f"{name}/change_state")
         self.spin = spin
+        self._wanted = 0
+        self._pending: Any = None
 
     def wait(self, seconds: float) -> None:
         """Wait until the node answers.
@@ -57,19 +59,36 @@ class Managed:
         RideError
             The node refused or did not answer in time.
         """
-        if not self._call(transition, seconds):
-            raise RideError(f"{self.name} refused to {_VERBS[transition]}")
-        self.state = NEXT[transition]
+        self.begin(transition)
+        self.end(seconds)
+
+    def begin(self, transition: int) -> None:
+        """Ask for one transition; `end` waits for it."""
+        self._wanted, self._pending = transition, self._ask(transition)
+
+    def end(self, seconds: float) -> None:
+        """Wait for the transition that was begun.
+
+        Raises
+        ------
+        RideError
+            The node refused or did not answer in time.
+        """
+        if not self._answer(self._pending, seconds):
+            raise RideError(f"{self.name} refused to {_VERBS[self._wanted]}")
+        self.state = NEXT[self._wanted]
 
     def shut_down(self, seconds: float) -> None:
         """End the node's process from whatever state it is in."""
-        if self._call(SHUTDOWN[self.state], seconds):
+        if self._answer(self._ask(SHUTDOWN[self.state]), seconds):
             self.state = "finalized"
 
-    def _call(self, transition: int, seconds: float) -> bool:
+    def _ask(self, transition: int) -> Any:
         request = ChangeState.Request()
         request.transition.id = transition
-        future: Any = self._client.call_async(request)
+        return self._client.call_async(request)
+
+    def _answer(self, future: Any, seconds: float) -> bool:
         deadline = time.monotonic() + seconds
         while not future.done():
             if time.monotonic() > deadline:

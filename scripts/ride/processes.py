@@ -13,6 +13,7 @@ from importlib import import_module
 from pathlib import Path
 
 from phil_base.forked import Forked, fork
+from phil_node.bounded_log import BoundedLog
 from ride.child import as_child
 
 PRELOADED = (
@@ -85,6 +86,7 @@ class Nursery:
         """Import what the children need."""
         for module in PRELOADED:
             import_module(module)
+        BoundedLog.prepare()  # what it looks up is theirs as well
         self._wait, self._open = os.pipe()
         self._count = 0
         """Children that wait."""

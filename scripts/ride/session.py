@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
@@ -22,7 +23,7 @@ from ride.options import Options
 from ride.processes import Nursery, Process, end_all
 from ride.settings import NODES, Settings
 from ride.shared_memory import remove_litter, snapshot
-from ride.watch import Display, Watch
+from ride.watch import RIG, Display, Watch
 
 START_SECONDS = 60.0
 CONFIGURE_SECONDS = 180.0
@@ -40,6 +41,7 @@ DISCOVERY_SECONDS = 0.8
 OWN_TOPICS = tuple(topic for topic in RECORDED if not topic.startswith("/"))
 """Topics on which nobody but the ride's nodes may speak; the first part of the name is the node that does."""
 COMPOSED = "the process of all four nodes"
+CONTROLLER = "impedance_mpc"
 TAKE_DOWN_ORDER = tuple(reversed(NODES))
 
 
@@ -156,12 +158,14 @@ class Ride:
             managed.wait(START_SECONDS)
         self._refuse_neighbours(1)
         with self._busy("configuring (the first time compiles the kernels)"):
-            for managed in self._managed.values():
-                self._go(managed, CONFIGURE, CONFIGURE_SECONDS)
+            # The controller waits for the catenary's model.
+            self._go(CONFIGURE, CONFIGURE_SECONDS, [name for name in NODES if name != CONTROLLER])
+            self._go(CONFIGURE, CONFIGURE_SECONDS, [CONTROLLER])
             self._wait_for_recorder()
         self._go_first()
-        for managed in self._managed.values():
-            self._go(managed, ACTIVATE, START_SECONDS)
+        # The drive moves when all others are there.
+        self._go(ACTIVATE, START_SECONDS, [name for name in NODES if name != RIG])
+        self._go(ACTIVATE, START_SECONDS, [RIG])
         watch = self.watch
         watch.moved = watch.heard = time.monotonic()
         with Display(self._console, duration) as display:
@@ -179,18 +183,27 @@ class Ride:
             display.show(watch)
         self.seconds = watch.moved - (watch.started or watch.moved)
 
-    def _go(self, managed: Managed, transition: int, seconds: float) -> None:
-        """Make one transition; a node that refuses says why on /diagnostics, within a tenth of a second."""
-        try:
-            managed.go(transition, seconds)
-        except RideError as error:
-            deadline = time.monotonic() + REASON_SECONDS
-            while time.monotonic() < deadline:
-                self._spin()
-            assert self.watch is not None
-            said = self.watch.said.get(managed.name)
-            reason = f": {said.message}" if said is not None and "cannot" in said.message else ""
-            raise RideError(f"{error}{reason}") from None
+    def _go(self, transition: int, seconds: float, names: Sequence[str]) -> None:
+        """Make one transition of several nodes at once; one that refuses says why on /diagnostics, soon."""
+        several = [self._managed[name] for name in names]
+        for managed in several:
+            managed.begin(transition)
+        refused: dict[str, RideError] = {}
+        for managed in several:
+            try:
+                managed.end(seconds)
+            except RideError as error:
+                refused[managed.name] = error
+        if not refused:
+            return
+        deadline = time.monotonic() + REASON_SECONDS
+        while time.monotonic() < deadline:
+            self._spin()
+        assert self.watch is not None
+        name, first = next(iter(refused.items()))
+        said = self.watch.said.get(name)
+        reason = f": {said.message}" if said is not None and "cannot" in said.message else ""
+        raise RideError(f"{first}{reason}")
 
     def _go_first(self) -> None:
         """Give the recorder its place behind the nodes, which ask for theirs when they are activated.

@@ -23,7 +23,7 @@ from test_rig_sim.pacing import CycleClock
 from test_rig_sim.parameters import Parameters
 
 REPEAT_AFTER = 0.25  # s without an answer after which the last state is published again
-LISTENERS_STABLE = 0.5  # s for which the listeners have to be there before cycle 0
+LISTENERS_STABLE = 0.25  # s for which the listeners have to be there before cycle 0
 LISTENERS_UNMATCHED = 5.0  # s for which one that cannot be matched is waited for
 MEMORY = 64  # cycles back for which the time of publication is kept
 PATIENCE = 0.9  # share of a cycle that each one takes at least, so that its command has time to come
