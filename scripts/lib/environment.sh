@@ -134,7 +134,7 @@ phil_digest() {
 phil_glance() {
   (
     cd "$PHIL_ROOT" || exit
-    find "$@" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -printf '%p %s %i %T@ %C@\n' 2>/dev/null | LC_ALL=C sort
+    find "$@" -type f -not -name '*.pyc' -not -path '*/__pycache__/*' -not -path '*/test/*' -printf '%p %s %i %T@ %C@\n' 2>/dev/null | LC_ALL=C sort
     "$PHIL_VENV/bin/python" -V
     echo "$PHIL_ROS $PHIL_ROOT"
   ) | sha256sum

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-
 SHARED = ("lockstep_ride", "composed_ride", "stand", "processes")
 """Fixtures that start nodes once for many tests: a test that looks at them belongs to the worker that has them."""
 
