@@ -155,7 +155,9 @@ def tracking(series: Series, ts: float) -> Tracking:
     position, velocity = (series.w_tr - series.w_cat), (series.v_tr - series.v_cat)[used]
     error, wire = position[used], series.w_cat[used]
     grid = np.arange(series.cycle[used][0], series.cycle[used][-1] + 1)
-    delay, likeness = lag(np.interp(grid, series.cycle, series.w_cat), np.interp(grid, series.cycle, series.w_tr), ts)
+    delay, likeness = correlation_lag(
+        np.interp(grid, series.cycle, series.w_cat), np.interp(grid, series.cycle, series.w_tr), ts
+    )
     return Tracking(
         position_error_rms=rms(error),
         position_error_max=float(np.abs(error).max()),
@@ -171,7 +173,9 @@ def tracking(series: Series, ts: float) -> Tracking:
     )
 
 
-def lag(leader: Floats, follower: Floats, ts: float, window: float = LAG_WINDOW) -> tuple[float | None, float | None]:
+def correlation_lag(
+    leader: Floats, follower: Floats, ts: float, window: float = LAG_WINDOW
+) -> tuple[float | None, float | None]:
     """Find by how many seconds `follower` lags `leader`, and their correlation there.
 
     The correlation coefficient is taken for all lags of whole cycles within +-`window` (s), always over the same

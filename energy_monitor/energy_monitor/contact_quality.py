@@ -193,6 +193,25 @@ class ContactQuality:
         )
 
 
+def statistics_of(filtered: Array, losses: NDArray[np.int64]) -> ContactStatistics:
+    """Give the statistics of a low-passed force (N) and of the losses that count, first entry and length, (n, 2).
+
+    The one place for a whole record: monitor, report, studies and the closed loop differ in the filter, in what they
+    take for a loss, and in the cycles that they evaluate.
+    """
+    if filtered.size == 0:
+        return ContactStatistics()
+    return ContactStatistics(
+        samples=int(filtered.size),
+        mean=float(filtered.mean()),
+        sigma=float(filtered.std()),
+        minimum=float(filtered.min()),
+        maximum=float(filtered.max()),
+        loss_share=float(losses[:, 1].sum() / filtered.size),
+        losses=len(losses),
+    )
+
+
 def contact_quality_of(
     force: Array,
     ts: float,
@@ -208,15 +227,4 @@ def contact_quality_of(
     """
     first = run_in_cycles(run_in, ts)
     filtered = low_passed(force, ts, cutoff, order)[first:]
-    if filtered.size == 0:
-        return ContactStatistics()
-    losses = losses_of(force[first:] <= loss_threshold, cycles_of_loss(loss_duration, ts))
-    return ContactStatistics(
-        samples=int(filtered.size),
-        mean=float(filtered.mean()),
-        sigma=float(filtered.std()),
-        minimum=float(filtered.min()),
-        maximum=float(filtered.max()),
-        loss_share=float(losses[:, 1].sum() / filtered.size),
-        losses=len(losses),
-    )
+    return statistics_of(filtered, losses_of(force[first:] <= loss_threshold, cycles_of_loss(loss_duration, ts)))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from energy_monitor.analysis import Settings, analyse, lag, spectrum
+from energy_monitor.analysis import Settings, analyse, correlation_lag, spectrum
 from energy_monitor.bag import BagError, read_bag
 from energy_monitor.report.alignment import ranges
 from energy_monitor.report.results import Report
@@ -67,14 +67,14 @@ def test_lag_of_a_broad_band_signal(seconds: float) -> None:
     def signal(time: Any) -> Any:
         return sum(np.sin(2.0 * np.pi * f * time + p) / f for f, p in waves)
 
-    found, likeness = lag(signal(t), signal(t - seconds), TS)
+    found, likeness = correlation_lag(signal(t), signal(t - seconds), TS)
     assert found == pytest.approx(seconds, abs=0.05 * TS)  # parabola through a peak that is no parabola
     assert likeness == pytest.approx(1.0, abs=1e-3)
 
 
 def test_no_lag_of_what_does_not_move() -> None:
-    assert lag(np.zeros(2000), np.zeros(2000), TS) == (None, None)
-    assert lag(np.arange(50.0), np.arange(50.0), TS) == (None, None)
+    assert correlation_lag(np.zeros(2000), np.zeros(2000), TS) == (None, None)
+    assert correlation_lag(np.arange(50.0), np.arange(50.0), TS) == (None, None)
 
 
 def test_contact_force(report: Report) -> None:

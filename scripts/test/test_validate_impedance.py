@@ -15,7 +15,16 @@ from test_rig_sim.pantographs.motion import head_position
 from test_rig_sim.pantographs.statics import equilibrium, set_up
 from test_rig_sim.parameters import Parameters as RigParameters
 from validate import impedance, impedance_ride
-from validate.impedance_figures import Figures, accounts, evaluate, in_units, lag, spectra, statistics, whole_spans
+from validate.impedance_figures import (
+    Figures,
+    accounts,
+    evaluate,
+    in_units,
+    spectra,
+    spectral_lag,
+    statistics,
+    whole_spans,
+)
 from validate.impedance_ride import CONTROLS, INTEGRATED, RUN_IN, VARIANTS, Case, Direct, Record, watched
 
 TS = 0.002
@@ -61,15 +70,15 @@ def test_lag_of_a_broad_band_signal(seconds: float) -> None:
     def signal(t: np.ndarray) -> np.ndarray:
         return 0.05 + sum(np.sin(2.0 * np.pi * f * t + p) / f for f, p in waves)
 
-    assert lag(signal(T), signal(T - seconds), TS) == pytest.approx(seconds, abs=1e-5)
+    assert spectral_lag(signal(T), signal(T - seconds), TS) == pytest.approx(seconds, abs=1e-5)
 
 
 def test_lag_is_that_of_the_band() -> None:
     """What moves at 60 Hz, or not at all, has no part in it."""
     slow, fast = np.sin(2.0 * np.pi * 2.0 * T), np.sin(2.0 * np.pi * 60.0 * T)
     late = np.sin(2.0 * np.pi * 2.0 * (T - 1e-3)) + np.sin(2.0 * np.pi * 60.0 * (T + 5e-3))
-    assert lag(slow + fast, late, TS) == pytest.approx(1e-3, abs=1e-5)
-    assert math.isnan(lag(np.ones(CYCLES), np.ones(CYCLES), TS))
+    assert spectral_lag(slow + fast, late, TS) == pytest.approx(1e-3, abs=1e-5)
+    assert math.isnan(spectral_lag(np.ones(CYCLES), np.ones(CYCLES), TS))
 
 
 def noise(seed: int) -> np.ndarray:
@@ -322,8 +331,8 @@ def test_shortened_run(tmp_path: Path) -> None:
     assert rows["trips of the rig", case] == 0.0
     assert {row.case for row in outcome.rows} == {case}
     console = Console(width=132, record=True, file=(tmp_path / "said").open("w"))
-    for sheet in outcome.sheets:
-        console.print(sheet)
+    for table in outcome.tables():
+        console.print(table)
     said = console.export_text()
     assert "no rig" in said and "corrected" in said and "…" not in said
     for name in ("250-en50318-tracking", "250-en50318-spectrum", "250-en50318-books"):

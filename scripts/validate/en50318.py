@@ -25,7 +25,7 @@ from catenary_model.line_file import load_line
 from catenary_model.moving_frame import CONTACT
 from catenary_model.reference import Config, Pantograph, Reference, Ride
 from catenary_model.ride import Coupled, joined
-from energy_monitor.contact_quality import CUTOFF, low_passed
+from energy_monitor.contact_quality import CUTOFF, losses_of, low_passed, statistics_of
 from phil_study.outcome import Outcome, Row
 from test_rig_sim.pantographs import PANTOGRAPHS
 
@@ -140,17 +140,16 @@ def values(record: Ride, filtered: Filter = causal) -> tuple[float, ...]:
     force = filtered(record.F, float(record.t[1] - record.t[0]))
     inside = record.between(FIRST, LAST)
     support = (record.supports > FIRST - 1.0) & (record.supports < LAST + 1.0)
-    F = force[inside]
-    mean, sigma = float(F.mean()), float(F.std())
+    found = statistics_of(force[inside], losses_of(record.F[inside] <= 0.0))
     return (
-        mean,
-        sigma,
-        mean + 3.0 * sigma,
-        mean - 3.0 * sigma,
-        float(F.max()),
-        float(F.min()),
+        found.mean,
+        found.sigma,
+        found.statistical_maximum,
+        found.statistical_minimum,
+        found.maximum,
+        found.minimum,
         1e3 * float(record.uplift[:, support].max()),
-        100.0 * float((record.F[inside] <= 0.0).mean()),
+        100.0 * found.loss_share,
     )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.signal import csd, welch
 
 from energy_monitor.books import books_of
-from energy_monitor.contact_quality import CUTOFF
+from energy_monitor.contact_quality import CUTOFF, losses_of, statistics_of
 from validate.en50318 import zero_phase
 from validate.impedance_ride import RUN_IN, Direct, Record
 
@@ -118,14 +118,14 @@ def in_units(found: Figures | Statistics) -> dict[str, float]:
 
 def statistics(force: Array, ts: float, window: slice) -> Statistics:
     """Evaluate a contact force (N, one entry a cycle of ts s) within the window."""
-    smooth, lost = zero_phase(force, ts)[window], force[window] <= 0.0
+    found = statistics_of(zero_phase(force, ts)[window], losses_of(force[window] <= 0.0))
     return Statistics(
-        mean=float(smooth.mean()),
-        sigma=float(smooth.std()),
-        least=float(smooth.min()),
-        most=float(smooth.max()),
-        losses=float(int(lost[0]) + np.count_nonzero(lost[1:] & ~lost[:-1])),
-        loss_share=float(lost.mean()),
+        mean=found.mean,
+        sigma=found.sigma,
+        least=found.minimum,
+        most=found.maximum,
+        losses=float(found.losses),
+        loss_share=found.loss_share,
     )
 
 
@@ -134,8 +134,11 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def lag(leader: Array, follower: Array, ts: float) -> float:
-    """Say how far (s) the follower is behind the leader: the peak of their cross-correlation within `BAND`.
+def spectral_lag(leader: Array, follower: Array, ts: float) -> float:
+    """Say how far (s) the follower is behind the leader by the phase of their cross spectrum within `BAND`.
+
+    Good to some 10 us, which the study's goals need; the report's `energy_monitor.analysis.correlation_lag` also gives
+    a correlation and needs no band.
 
     First the peak among whole samples within `REACH`. With these taken out (and both cut to the same length), the peak
     lies where sum |S| omega sin(omega tau + arg S) = 0, S being the cross spectrum; to first order in tau that is a
@@ -264,8 +267,8 @@ def evaluate(record: Record, direct: Direct, window: slice) -> Figures:
         position=rms(w - w_cat),
         position_max=float(np.abs(w - w_cat).max()),
         velocity=rms(v - v_cat),
-        lag=lag(w_cat, w, ts),
-        velocity_lag=lag(v_cat, v, ts),
+        lag=spectral_lag(w_cat, w, ts),
+        velocity_lag=spectral_lag(v_cat, v, ts),
         energy=energy[0][0],
         energy_then=energy[0][1],
         work=energy[1][0],

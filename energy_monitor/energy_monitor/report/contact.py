@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from energy_monitor.contact_quality import cycles_of_loss, losses_of
+from energy_monitor.contact_quality import cycles_of_loss, losses_of, statistics_of
 from energy_monitor.report.results import ContactForce, Loss, Series
 
 
@@ -19,22 +19,21 @@ def contact_force(
     that was predicted, N.
     """
     used = series.evaluated
-    filtered = series.f_filtered[used]
-    mean, sigma = float(filtered.mean()), float(filtered.std())
-    counted = [loss for loss in lost if loss.counted]
+    counted = np.array([(loss.cycle, loss.cycles) for loss in lost if loss.counted], np.int64).reshape(-1, 2)
+    found = statistics_of(series.f_filtered[used], counted)
     return ContactForce(
-        samples=len(filtered),
-        mean=mean,
-        sigma=sigma,
-        sigma_share=sigma / mean if mean > 0.0 else float("nan"),
-        minimum=float(filtered.min()),
-        maximum=float(filtered.max()),
-        statistical_minimum=mean - 3.0 * sigma,
-        statistical_maximum=mean + 3.0 * sigma,
-        loss_share=sum(loss.cycles for loss in counted) / len(filtered),
-        losses=len(counted),
+        samples=found.samples,
+        mean=found.mean,
+        sigma=found.sigma,
+        sigma_share=found.sigma / found.mean if found.mean > 0.0 else float("nan"),
+        minimum=found.minimum,
+        maximum=found.maximum,
+        statistical_minimum=found.statistical_minimum,
+        statistical_maximum=found.statistical_maximum,
+        loss_share=found.loss_share,
+        losses=found.losses,
         loss_duration=duration,
-        shorter_losses=len(lost) - len(counted),
+        shorter_losses=len(lost) - found.losses,
         raw_minimum=float(series.f_raw[used].min()),
         raw_maximum=float(series.f_raw[used].max()),
         prediction_error=prediction,
