@@ -20,6 +20,7 @@ from rclpy.task import Future
 
 from phil_base.clear_words import clear
 from phil_base.parameters import ParameterError
+from phil_base.scheduling import own_threads, schedule_as_others
 from phil_node.composition import Composition
 from phil_node.executor import LONG, events_executor
 from phil_node.instance import AlreadyRunning, claim
@@ -90,6 +91,9 @@ def _run(kinds: Sequence[Callable[[], PhilNode[Any]]], argv: list[str] | None, e
     except ExternalShutdownException:
         pass
     finally:
+        # No more before all others: the kernel waits in a busy loop, when a child or a thread has ended, for whoever
+        # looks at it in /proc at the time (shrink_dcache_parent), and on all CPUs that is for ever.
+        schedule_as_others(own_threads())
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
