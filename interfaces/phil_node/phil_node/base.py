@@ -41,6 +41,8 @@ QUIET = 1.0
 """Time in s without a cycle after which a ride counts as over."""
 SWITCH = 5e-5
 """Time in s for which the cycle's thread at most waits for Python code of another thread of its process."""
+LONG_SWITCH = 1e-3
+"""The same in lockstep for a thread that has the cycles of several nodes, and never waits by itself."""
 LOCKSTEP = "lockstep"
 """Value of the parameter ``mode`` of a ride that waits for its cycles; any other runs by the wall clock."""
 
@@ -247,7 +249,8 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self.timing.clear()
             self.log.prepare()
             collector.hold(self)
-            sys.setswitchinterval(SWITCH)
+            in_lockstep = getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP
+            sys.setswitchinterval(LONG_SWITCH if in_lockstep and not self.wires.alone else SWITCH)
             self._ask_system()
             # Publishers first: start() may publish at once.
             LifecycleNode.on_activate(self, state)

@@ -15,7 +15,7 @@ from phil_node.exchange import Exchange
 from phil_node.outbox import Outbox
 from phil_node.topics import TopicsProcess
 
-FULL = 48
+FULL = 64
 """Messages that wait to be published at which the thread of the cycles hands them on itself: more than wait in real
 time, where the outbox has a thread that does so every few milliseconds."""
 
@@ -138,6 +138,7 @@ class _Chain(CycleThread):
             more = exchange.deliver()
             if outbox.waiting >= FULL:
                 outbox.flush()
+                outbox.relieved = True
             now = monotonic()
             if now >= end:
                 return

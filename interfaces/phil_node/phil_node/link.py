@@ -223,18 +223,24 @@ Message = tuple[int, int, bytes]
 
 def batches(messages: Iterable[Message]) -> list[bytes]:
     """Put messages together, in their order, into batches that a socket takes."""
-    made: list[bytes] = []
     parts: list[bytes] = []
-    size = 0
     for topic, number, data in messages:
-        if parts and size + len(data) > BATCH:
-            made.append(b"".join(parts))
-            parts, size = [], 0
-        parts.append(RECORD.pack(topic, 0, number & 0xFFFFFFFF, len(data)))
-        parts.append(data)
-        size += len(data) + RECORD.size
+        parts += (RECORD.pack(topic, 0, number & 0xFFFFFFFF, len(data)), data)
+    return joined(parts)
+
+
+def joined(parts: list[bytes]) -> list[bytes]:
+    """Put messages together, each as its record (`RECORD`) and its bytes in turn, into batches as `batches` does."""
+    made: list[bytes] = []
+    begin = size = 0
+    for at in range(1, len(parts), 2):
+        length = len(parts[at]) + RECORD.size
+        if size and size + length > BATCH:
+            made.append(b"".join(parts[begin : at - 1]))
+            begin, size = at - 1, 0
+        size += length
     if parts:
-        made.append(b"".join(parts))
+        made.append(b"".join(parts[begin:]))
     return made
 
 

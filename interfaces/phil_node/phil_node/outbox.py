@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rclpy.exceptions import InvalidHandle
 
 from phil_base.real_time import set_thread
-from phil_node.link import Message, Outlet, Peer, batches
+from phil_node.link import RECORD, Message, Outlet, Peer, batches, joined
 from phil_node.publish import publish_bytes
 from phil_node.topics import TopicsProcess
 
@@ -21,6 +21,9 @@ PORTION = 100
 """Kept messages that a new follower is given at once."""
 EVERY = 0.008
 """Time in s from one batch to the next: what nobody in the loop waits for costs a fraction if it goes in batches."""
+
+SELDOM = 0.04
+"""The same while another thread sees to it."""
 
 
 class Topic:
@@ -33,15 +36,16 @@ class Topic:
         self.box: Box | None = None
         """By which it is handed over to other nodes of this process, if there are any."""
         self.number = 0
-        self._kept: deque[tuple[int, int, bytes]] | None = deque(maxlen=kept) if kept else None
+        self._kept: deque[Message] | None = deque(maxlen=kept) if kept else None
 
-    def enter(self, data: bytes) -> Message:
-        """Number a message, and keep it for who comes late if this topic does so."""
-        self.number += 1
-        message = (self.publisher if isinstance(self.publisher, int) else 0), self.number, data
+        self._index = publisher if isinstance(publisher, int) else 0
+
+    def enter(self, data: bytes) -> bytes:
+        """Number a message, and keep it for who comes late if this topic does so; give its record."""
+        number = self.number = self.number + 1
         if self._kept is not None:
-            self._kept.append(message)
-        return message
+            self._kept.append((self._index, number, data))
+        return RECORD.pack(self._index, 0, number & 0xFFFFFFFF, len(data))
 
     def kept(self, after: int) -> list[Message]:
         """Give the messages that were kept, behind the one with this number."""
@@ -64,6 +68,8 @@ class Outbox:
         """Take the role of the thread (``scheduling.ROLES``)."""
         self._role = role
         self.failed = 0
+        self.relieved = False
+        """Whether another thread has published what waited, so that this one may leave it the interpreter's lock."""
         self.process: TopicsProcess | None = None
         self.topics: list[Topic] = []
         self._waiting: deque[tuple[Topic, bytes]] = deque()
@@ -107,22 +113,27 @@ class Outbox:
     def flush(self) -> None:
         """Publish all that waits, now and here."""
         with self._turn:
-            posted: list[Message] = []
-            followed: dict[Topic, list[Message]] = {}
-            waiting = self._waiting
+            # Each message is its record and its bytes, the same for the process for topics and for those who follow.
+            posted: list[bytes] = []
+            followed: dict[Topic, list[bytes]] = {}
+            waiting, process = self._waiting, self.process
             while waiting:
                 topic, data = waiting.popleft()
-                message = topic.enter(data)
-                posted.append(message)
-                if self.process is None:
+                message = topic.enter(data), data
+                if process is None:
                     self._publish(topic.publisher, data)
-                if topic.followers:
-                    followed.setdefault(topic, []).append(message)
-            if self.process is not None:
-                self.process.publish(posted)
-                self.process.go_on()
-            for topic, messages in followed.items():
-                for batch in batches(messages):
+                else:
+                    posted += message
+                if topic.outlet is not None and topic.outlet.peers:
+                    parts = followed.get(topic)
+                    if parts is None:
+                        followed[topic] = parts = []
+                    parts += message
+            if process is not None:
+                process.publish(posted)
+                process.go_on()
+            for topic, parts in followed.items():
+                for batch in joined(parts):
                     topic.outlet.send(batch)  # type: ignore[union-attr]  # it has followers
             for topic in self.topics:
                 if topic.followers and topic not in followed:
@@ -173,6 +184,7 @@ class Outbox:
     def _run(self) -> None:
         set_thread(self._role)
         while self._running:
-            sleep(EVERY)
+            sleep(SELDOM if self.relieved else EVERY)
+            self.relieved = False
             self.look_for_followers()
             self.flush()

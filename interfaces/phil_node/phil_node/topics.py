@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from time import monotonic
@@ -18,7 +18,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from phil_base.forked import Forked, fork
-from phil_node.link import LONGEST, Message, Peer, batches, messages_of
+from phil_node.link import LONGEST, Peer, joined, messages_of
 
 MESSAGES, COMMAND, ACKNOWLEDGED = 0, 1, 2
 """First byte of what goes between the two processes."""
@@ -175,10 +175,10 @@ class TopicsProcess:
         if self._states.get(key) != command:
             self._state(key, command)
 
-    def publish(self, messages: Iterable[Message]) -> None:
-        """Have messages (CDR) published, each by the publisher of its number."""
+    def publish(self, parts: list[bytes]) -> None:
+        """Have messages published, each by the publisher of its number; they are given as to `link.joined`."""
         with self.lock:
-            for batch in batches(messages):
+            for batch in joined(parts):
                 self._peer.send(bytes([MESSAGES]) + batch)
 
     def go_on(self) -> None:
