@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
+
+from energy_monitor.butterworth import sections_of, steady_state
 
 Array = NDArray[np.float64]
 
@@ -59,8 +60,7 @@ def low_pass(ts: float, cutoff: float = CUTOFF, order: int = 6) -> Array:
     """
     if not 0.0 < cutoff < 0.5 / ts:
         raise ValueError(f"cut-off {cutoff:g} Hz has to lie between 0 and {0.5 / ts:g} Hz")
-    sections: Array = butter(order, cutoff, btype="low", output="sos", fs=1.0 / ts)
-    return sections
+    return sections_of(order, cutoff, 1.0 / ts)
 
 
 def low_passed(force: Array, ts: float, cutoff: float = CUTOFF, order: int = 6) -> Array:
@@ -68,7 +68,9 @@ def low_passed(force: Array, ts: float, cutoff: float = CUTOFF, order: int = 6) 
     sections = low_pass(ts, cutoff, order)
     if force.size == 0:
         return np.zeros(0)
-    filtered: Array = sosfilt(sections, force, zi=sosfilt_zi(sections) * force[0])[0]
+    from scipy.signal import sosfilt  # half a second to load, and a ride needs it not
+
+    filtered: Array = sosfilt(sections, force, zi=steady_state(sections) * force[0])[0]
     return filtered
 
 
@@ -95,7 +97,7 @@ class LowPass:
 
     def __init__(self, sections: Array) -> None:
         """Take sections of shape (n, 6), normalised to a0 = 1 as scipy gives them."""
-        self._steady = [(float(a), float(b)) for a, b in sosfilt_zi(sections)]
+        self._steady = [(float(a), float(b)) for a, b in steady_state(sections)]
         self._coefficients = [(float(s[0]), float(s[1]), float(s[2]), float(s[4]), float(s[5])) for s in sections]
         self.clear()
 
