@@ -19,10 +19,10 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from .bag_channel import CDR, BagError, Channel, DefinitionError, Record, Source, left_out
-from .bag_columns import Column, Columns, store_of, types_of
-from .bag_order import FileRide, Part, in_order, joined, rides_of_files
-from .bag_storage import file_batches, open_source
+from energy_monitor.bag_channel import CDR, BagError, Channel, DefinitionError, Record, Source, left_out
+from energy_monitor.bag_columns import Column, Columns, store_of, types_of
+from energy_monitor.bag_order import FileRide, Part, in_order, joined, rides_of_files
+from energy_monitor.bag_storage import file_batches, open_source
 
 __all__ = ["RIDE_FIELDS", "Bag", "BagError", "Diagnostic", "Table", "read_bag"]
 

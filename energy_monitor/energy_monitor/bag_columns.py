@@ -19,7 +19,7 @@ from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from .bag_channel import BagError, Channel, DefinitionError
+from energy_monitor.bag_channel import BagError, Channel, DefinitionError
 
 Column = NDArray[Any] | list[Any]
 

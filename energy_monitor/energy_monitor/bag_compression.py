@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .bag_channel import BagError
+from energy_monitor.bag_channel import BagError
 
 ZSTD, LZ4, GZIP = b"\x28\xb5\x2f\xfd", b"\x04\x22\x4d\x18", b"\x1f\x8b"
 SUFFIXES = (".zstd", ".zst", ".lz4", ".gz")

@@ -7,11 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from energy_monitor.bag_channel import BagError, Source
+from energy_monitor.bag_compression import codec_of, decompress, foreign, is_compressed, plain_name
+from energy_monitor.bag_mcap import MAGIC
 from phil_base.yaml_file import read_yaml
-
-from .bag_channel import BagError, Source
-from .bag_compression import codec_of, decompress, foreign, is_compressed, plain_name
-from .bag_mcap import MAGIC
 
 _ENDINGS = {".mcap": "mcap", ".db3": "sqlite3"}
 _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tgz", ".bz2", ".xz", ".bag")

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .bag_channel import BATCH, Channel, Record, Source, Wanted, type_name
-from .bag_compression import decompress
+from energy_monitor.bag_channel import BATCH, Channel, Record, Source, Wanted, type_name
+from energy_monitor.bag_compression import decompress
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x08, 0x0F

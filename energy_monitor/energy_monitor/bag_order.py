@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .bag_channel import BagError, Channel
-from .bag_columns import Column, Columns
+from energy_monitor.bag_channel import BagError, Channel
+from energy_monitor.bag_columns import Column, Columns
 
 STEP_BACK = 64
 """Cycles that a file may begin before the end of the one before it and still belong to the same ride."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from .bag_channel import BATCH, CDR, BagError, Channel, Record, Source, Wanted, type_name
+from energy_monitor.bag_channel import BATCH, CDR, BagError, Channel, Record, Source, Wanted, type_name
 
 _LEFT_BEHIND = ("-wal", "-journal")
 _LATEST = 2**63 - 1

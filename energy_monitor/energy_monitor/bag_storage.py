@@ -6,11 +6,11 @@ import mmap
 from collections.abc import Iterator
 from pathlib import Path
 
-from .bag_channel import BagError, Channel, Record, Source, Wanted
-from .bag_compression import codec_of, decompress, decompress_file, is_compressed
-from .bag_folder import open_source, storage_of
-from .bag_mcap import MAGIC, mcap_batches
-from .bag_sqlite import sqlite_batches
+from energy_monitor.bag_channel import BagError, Channel, Record, Source, Wanted
+from energy_monitor.bag_compression import codec_of, decompress, decompress_file, is_compressed
+from energy_monitor.bag_folder import open_source, storage_of
+from energy_monitor.bag_mcap import MAGIC, mcap_batches
+from energy_monitor.bag_sqlite import sqlite_batches
 
 __all__ = ["BagError", "Channel", "Source", "Wanted", "file_batches", "open_source"]
 

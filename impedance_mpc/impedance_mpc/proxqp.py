@@ -10,7 +10,7 @@ from numba import njit
 from impedance_mpc.active_set import EXACTLY, NEARLY, room, settle, sides
 from impedance_mpc.optimality import distances
 from impedance_mpc.plant import Array
-from impedance_mpc.solver import FAILED, SOLVED
+from phil_base.enumerations import SolverStatus
 
 NEAR = 1e-6
 """Units of z: how near ProxQP has to come before its active bounds are believed; it stops at a residual of 1."""
@@ -130,23 +130,23 @@ class ProximalProgram:
         if wrong:
             if wrong == NO_NUMBER:
                 self._begin()
-            return FAILED
+            return SolverStatus.FALLBACK
         self._push[:] = 0.0
         if self._known:
             if self._solves(CARRIED, EXACTLY):
                 self._near[:] = self.z
-                return SOLVED
+                return SolverStatus.SOLVED
             if np.isfinite(self._found).all():
                 self._near[:] = self._found
                 np.multiply(self._side, TOUCH, out=self._push)
         self.asked += 1
         if not self._fresh and self._run():
-            return SOLVED
+            return SolverStatus.SOLVED
         self._begin()
         if self._run():
-            return SOLVED
+            return SolverStatus.SOLVED
         self._begin()
-        return FAILED
+        return SolverStatus.FALLBACK
 
     def _run(self) -> bool:
         """Solve from the plan before; tell whether :attr:`z` is the solution."""

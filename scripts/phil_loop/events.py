@@ -11,22 +11,30 @@ An action is anything that takes the loop; these are the usual ones:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
-if TYPE_CHECKING:
-    from phil_loop.loop import ClosedLoop
-
-Action = Callable[["ClosedLoop"], object]
+Action = Callable[[Any], object]
+"""Takes the loop."""
 Events = Mapping[int | float, Action | Sequence[Action]]
 """Cycle (an integer) or time in s (a float) to what is done right before the command of that cycle, in that order."""
 
 
-def land(loop: ClosedLoop) -> None:
+class Operated(Protocol):
+    """What an operator can do to a loop; `phil_loop.ClosedLoop` is one."""
+
+    def land(self) -> object:
+        """Part softly from the pantograph."""
+
+    def emergency_stop(self) -> object:
+        """Go to the safe position."""
+
+
+def land(loop: Operated) -> None:
     """Part softly from the pantograph and rest there."""
     loop.land()
 
 
-def emergency_stop(loop: ClosedLoop) -> None:
+def emergency_stop(loop: Operated) -> None:
     """Go to the safe position and rest there."""
     loop.emergency_stop()
 

@@ -20,12 +20,22 @@ WIDTH = 132
 """Columns of the tables where there is no terminal."""
 
 
-def parser(prog: str, description: str | None, names: Sequence[str], *, name: str, out: str, quick: str) -> Parser:
+def parser(
+    prog: str,
+    description: str | None,
+    names: Sequence[str],
+    *,
+    name: str,
+    out: str,
+    quick: str,
+    epilog: str | None = None,
+) -> Parser:
     """Describe what every command line of them takes; ``name``, ``out`` and ``quick`` are what the help says of them.
 
-    The description may have lines of its own, and so may what is added as its epilog.
+    The epilog keeps its lines.
     """
-    made = Parser(prog=prog, description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    form = argparse.RawDescriptionHelpFormatter if epilog else argparse.HelpFormatter
+    made = Parser(prog=prog, description=description, epilog=epilog, formatter_class=form)
     add = made.add_argument
     add("name", choices=tuple(names), help=name)
     add("--json", type=path, metavar="FILE", help="write the figures there")

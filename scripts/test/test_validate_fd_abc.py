@@ -42,7 +42,7 @@ def outcome(folder: Path, kept: list[incidence.Incidence]) -> Outcome:
 
 @pytest.fixture
 def angles(outcome: Outcome, kept: list[incidence.Incidence]) -> incidence.Incidence:
-    assert outcome.sheets
+    assert outcome.overviews
     return kept[0]
 
 

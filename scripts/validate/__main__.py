@@ -37,8 +37,8 @@ def parser() -> Parser:
         name="what to validate (see below)",
         out="draw the pictures there",
         quick="shortened: only to see that it works",
+        epilog="\n".join(f"{name:12} {what}" for name, (_, what) in NAMES.items()),
     )
-    made.epilog = "\n".join(f"{name:12} {what}" for name, (_, what) in NAMES.items())
     made.add_argument(
         "--solver",
         choices=SOLVERS,

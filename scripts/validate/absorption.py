@@ -10,21 +10,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model.boundary import AHEAD, BEHIND, BOUNDARIES, Feedback, Layer, impose
+from catenary_model.boundary import BOUNDARIES, Feedback, Layer, impose
 from catenary_model.boundary.packets import far, passing, rms
 from catenary_model.boundary.reflection import reflection
-from catenary_model.boundary.springs import frozen
-from catenary_model.boundary.stability import growth_per_period, spectral_radius
+from catenary_model.boundary.springs import Spring, fade, frozen
+from catenary_model.boundary.stability import Stepper, growth_per_period, spectral_radius
 from catenary_model.line import CARRIER_3_1, CONTACT_3_1, Line
 from catenary_model.model import Config
 from catenary_model.moving_frame import CARRIER, CONTACT, Mesh, MovingFrame, assemble
 from phil_study.outcome import Outcome, Row
+from validate.absorption_curves import ENDS, Curve, Curves, Passing, Snapshot
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -32,7 +33,6 @@ Say = Callable[[str], None]
 SPEEDS = (0, 250, 320)
 """km/h."""
 WIRES = {CARRIER: "carrier", CONTACT: "contact"}
-ENDS = {BEHIND: "behind", AHEAD: "ahead"}
 NODES = 20
 """Nodes of a layer."""
 DEFAULT = Config()
@@ -54,8 +54,6 @@ MESHES: tuple[Numerics, ...] = (
 """Meshes and steps that are looked at."""
 BANDS = (np.array([0.5, 1.0, 1.5, 2.0, 2.5, 3.0]), np.arange(4.0, 16.0), np.r_[16.0:31.0, 32.0:61.0:2.0])
 """Frequencies of the packets, Hz; the long waves apart because they take long."""
-LOW = 30.0
-"""The goals of the rms and of the worst hold up to here, Hz."""
 RMS, WORST, TIMES, ABOVE = 0.5, 1.0, 4.0, 20.0
 """Goals: %, %, times better than the matched dashpot, %."""
 BETWEEN = 60.0
@@ -64,6 +62,14 @@ POSITIONS = (0.0, 3.0, 7.0, 13.7, 30.0, 46.0)
 """Track positions of the pantograph with droppers frozen, m."""
 FADING = DEFAULT.fading_length
 """Distance from either end over which droppers and masts fade, m."""
+KMH = 250
+"""Speed of the frame that a dropper moves through."""
+DROPPER, AT = 2e4, 42.0
+"""Stiffness of a dropper that hangs on something rigid, N/m; where it is at first, m."""
+INSIDE, FAR = 60.0, 260.0
+"""Half lengths of the domain without its layers, and of the one without boundaries, m."""
+SNAPSHOTS = (0.12, 0.3, 0.5, 0.8, 1.1, 1.5)
+"""s."""
 
 HELD = "clamped"
 BARE = "matched_dashpot"
@@ -83,33 +89,6 @@ def nodes_of(kind: str) -> int:
 def frame(speed: float, mesh: Numerics, half_length: float) -> MovingFrame:
     """Return both wires of Table 3.1 with free ends."""
     return assemble(Mesh(mesh[0], round(half_length / mesh[0])), CARRIER_3_1, CONTACT_3_1, speed)
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Reflected amplitude over frequency, as a share of what a clamped end returns."""
-
-    frequency: Array
-    share: Array
-
-    @property
-    def rms(self) -> float:
-        """Up to LOW, %."""
-        return 100.0 * float(np.sqrt(np.mean(self.share[self.frequency <= LOW] ** 2)))
-
-    @property
-    def worst(self) -> float:
-        """Up to LOW, %."""
-        return 100.0 * float(np.max(self.share[self.frequency <= LOW]))
-
-    @property
-    def above(self) -> float:
-        """Worst above LOW, %."""
-        return 100.0 * float(np.max(self.share[self.frequency > LOW], initial=0.0))
-
-
-Curves = dict[tuple[int, int, int], dict[str, Curve]]
-"""By speed (km/h), wire and end: by kind."""
 
 
 def in_time(kmh: int, wire: int, end: int, bands: tuple[Array, ...]) -> dict[str, Curve]:
@@ -207,6 +186,32 @@ def mesh_rows(quick: bool, say: Say) -> list[Row]:
     return rows
 
 
+def passing_dropper() -> Passing:
+    """Push a contact wire at x = 0 while a dropper moves through, with layers and without ends."""
+    speed, layer = KMH / 3.6, MESH[1]
+    short, long = frame(speed, MESH, INSIDE + NODES * MESH[0]), frame(speed, MESH, FAR)
+    feedback = impose("controlled", short, layer)
+    impose(BARE, long, replace(layer, nodes=0))
+    runs = [Stepper(short, feedback, layer), Stepper(long, None, layer)]
+    shots: list[Snapshot] = []
+    for step in range(1, round(SNAPSHOTS[-1] / layer.ts) + 1):
+        time = step * layer.ts
+        dropper = AT - speed * time
+        stiffness = DROPPER * fade(short.mesh, dropper, FADING)
+        springs = [Spring(dropper, stiffness, 0.0, 1.0)] if stiffness > 0.0 else []
+        push = 300.0 * np.sin(np.pi * time / 0.1) ** 2 if time < 0.1 else 0.0
+        for one in runs:
+            force = np.zeros((4 * one.frame.mesh.stations, 1))
+            force[4 * one.frame.mesh.middle + 2] = push
+            one.step(springs, force)
+        if len(shots) < len(SNAPSHOTS) and time >= SNAPSHOTS[len(shots)] - 1e-9:
+            layered, unbounded = (one.x[0, 2 * CONTACT :: 4, 0].copy() for one in runs)
+            shots.append(Snapshot(time, dropper if springs else None, layered, unbounded))
+    x = short.mesh.x
+    fading = np.array([fade(short.mesh, at, FADING) for at in x])
+    return Passing(KMH, x, long.mesh.x, fading, INSIDE, shots)
+
+
 def run(quick: bool, out: Path | None, say: Say) -> Outcome:
     """Measure all, draw reflection and a passing dropper."""
     bands = (np.array([4.0, 10.0, 20.0, 30.0, 45.0]),) if quick else BANDS
@@ -223,8 +228,8 @@ def run(quick: bool, out: Path | None, say: Say) -> Outcome:
         from validate import absorption_picture
 
         say("pictures")
-        absorption_picture.reflections(curves, out / "absorption.png")
-        absorption_picture.passing_dropper(out / "absorption_dropper.png")
+        absorption_picture.reflections(curves, WORST, out / "absorption.png")
+        absorption_picture.passing_dropper(passing_dropper(), out / "absorption_dropper.png")
     notes = [
         f"packets: {named(MESH)}, layers of {NODES} nodes; the matched dashpot stands where they begin; percent of "
         "what a clamped end there returns",

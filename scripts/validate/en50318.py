@@ -266,7 +266,11 @@ def run(quick: bool, out: Path | None, say: Callable[[str], None]) -> Outcome:
     if not quick:
         notes += _sensitivity(say)
     if out is not None:
-        from validate.en50318_picture import draw
+        from validate.en50318_picture import Evaluated, draw
 
-        draw(records, out / "validate-en50318.png")
+        shown = {
+            speed: Evaluated(record, zero_phase(record.F, float(record.t[1] - record.t[0])), *values(record)[:2])
+            for speed, record in records.items()
+        }
+        draw(shown, (FIRST, LAST), SPAN, out / "validate-en50318.png")
     return Outcome("EN 50318:2002, reference model, spans 5 and 6 of 10", made, notes)

@@ -281,7 +281,7 @@ def run(quick: bool, out: Path | None, say: Say) -> Outcome:
         from validate import fd_abc_picture
 
         say("pictures")
-        fd_abc_picture.draw(fronts, tuple(cases), result, out)
+        fd_abc_picture.draw(fronts, tuple(cases), result, amplitudes(result)[BOX], out)
     notes = [
         f"(a) contact wire of Table 3.1 at rest, {beams.LENGTH:g} m, dx {beams.DX:g} m, {1e3 * beams.DT:g} ms; "
         "reflected over incident amplitude. Chosen: the smallest stencil that reflects at most "

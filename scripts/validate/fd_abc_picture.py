@@ -7,17 +7,26 @@ from pathlib import Path
 import matplotlib
 import matplotlib.figure
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary_model import absorbing
 from catenary_model.absorbing import figures, figures_2d, incidence, pareto
 from validate import fd_abc_beam as beams
-from validate.fd_abc import BOX, amplitudes
 
 matplotlib.use("Agg")
 
 
-def draw(fronts: beams.Fronts, cases: tuple[beams.Case, ...], result: incidence.Incidence, folder: Path) -> None:
-    """Write everything into a folder: pictures of (a) and (b), coefficients of the chosen boundaries and the front."""
+def draw(
+    fronts: beams.Fronts,
+    cases: tuple[beams.Case, ...],
+    result: incidence.Incidence,
+    box: NDArray[np.float64],
+    folder: Path,
+) -> None:
+    """Write everything into a folder: pictures of (a) and (b), coefficients of the chosen boundaries and the front.
+
+    ``box`` is the amplitude in % that the box scheme reflects, by angle.
+    """
     first = cases[0]
     shot = first.snapshots
     snapshots = figures.snapshots_figure(shot.x, shot.times, shot.frames, shot.exact)
@@ -35,7 +44,7 @@ def draw(fronts: beams.Fronts, cases: tuple[beams.Case, ...], result: incidence.
         radii = {"small": case.radii.small, "whole": case.radii.whole}
         worst = float(case.reflected.waves.max())
         case.design.write(folder / f"fd_abc_{name}.json", worst_in_band=worst, radii=radii)
-    _angle(result).savefig(folder / "fd_abc_angle.png", dpi=130)
+    _angle(result, box).savefig(folder / "fd_abc_angle.png", dpi=130)
     figures_2d.square_figure(result).savefig(folder / "fd_abc_square.png", dpi=130)
     if result.size_fronts:
         figures_2d.front_figure(result).savefig(folder / "fd_abc_fronts_2d.png", dpi=130)
@@ -60,13 +69,13 @@ def _reflection(case: beams.Case) -> matplotlib.figure.Figure:
     return figure
 
 
-def _angle(result: incidence.Incidence) -> matplotlib.figure.Figure:
+def _angle(result: incidence.Incidence, box: NDArray[np.float64]) -> matplotlib.figure.Figure:
     figure = figures_2d.angle_figure(result)
     axes = figure.axes[0]
-    (box,) = axes.semilogy(result.degrees, amplitudes(result)[BOX], ":", color="0.35")
+    (line,) = axes.semilogy(result.degrees, box, ":", color="0.35")
     handles, labels = axes.get_legend_handles_labels()
     after = 1 + labels.index("Engquist-Majda 2 centred")
-    handles.insert(after, box)
+    handles.insert(after, line)
     labels.insert(after, "Engquist-Majda 2 in a box scheme")
     axes.legend(handles, labels)
     return figure

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import spectrogram
 
-from validate.realtime import Signals
+from validate.realtime_signals import Signals
 
 matplotlib.use("Agg")
 from matplotlib import pyplot

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -27,10 +26,11 @@ from phil_base.parameters import build
 from phil_loop import resolve
 from phil_study.outcome import Outcome, Row
 from test_rig_sim import linear_loop, step
-from test_rig_sim.identify import Pt2, Response, identify, relative_error, ride, simulate_pt2
+from test_rig_sim.identify import Pt2, identify, relative_error, ride, simulate_pt2
 from test_rig_sim.pantographs.motion import Load
 from test_rig_sim.parameters import Parameters
 from test_rig_sim.rig import Rig
+from validate.rig_findings import Findings
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -53,20 +53,6 @@ LAG, SLOW = 20.0, 5.0
 DWELL, CARRIER, CARRIER_HZ = 6.0, 0.02, 0.7
 """Length of a dwell in s; amplitude (m) and frequency (Hz) of the slow motion under it: no rig rides at rest."""
 INPUTS = {"reference": linear_loop.REFERENCE, "contact force": linear_loop.FORCE}
-
-
-@dataclass(frozen=True)
-class Findings:
-    """What the picture shows of one rig."""
-
-    name: str
-    parameters: Parameters
-    found: Pt2
-    response: Response
-    chirp: tuple[Array, Array, Array]
-    """Reference, position and model, m."""
-    deviation: Array
-    """After the force step, m."""
 
 
 def parameters(name: str, **changes: object) -> Parameters:
@@ -292,11 +278,14 @@ def run(quick: bool, out: Path | None, say: Say) -> Outcome:
         of_step, deviation = step_rows(name)
         rows += [*of_chirp, *of_step, rest_row(name, 0.5 if quick else 3.0), *force_rows(name, 3.0 if quick else 20.0)]
         rows.append(speed_row(name, 500 if quick else 5000))
-        findings.append(Findings(name, p, found, response, course, deviation))
+        loops = tuple(
+            linear_loop.linear_loop(parameters(name, inner_loop__frequency_weighting=on)) for on in (False, True)
+        )
+        findings.append(Findings(name, p, found, response, course, deviation, loops))
     if out is not None:
         from validate.rig_picture import draw
 
-        draw(findings, out / "validate-rig.png")
+        draw(findings, STEP_FORCE, out / "validate-rig.png")
     notes = [
         f"Resonances: simulated by a dwell of {DWELL:g} s on a slow motion of {1e3 * CARRIER:g} mm; the filters are "
         "narrow, so what is left 1 % beside a resonance is told too.",

@@ -10,7 +10,7 @@ import numpy as np
 
 from test_rig_sim import linear_loop
 from test_rig_sim.identify import pt2_response
-from validate.rig import STEP_FORCE, Findings, parameters
+from validate.rig_findings import Findings
 
 matplotlib.use("Agg")
 from matplotlib import pyplot
@@ -20,13 +20,13 @@ WIDEST = 150.0
 """End of the frequency axis in Hz."""
 
 
-def draw(findings: Sequence[Findings], path: Path) -> None:
-    """Draw all rigs into one picture."""
+def draw(findings: Sequence[Findings], force: float, path: Path) -> None:
+    """Draw all rigs into one picture; ``force`` is that of the step, N."""
     figure, axes = pyplot.subplots(3, 2, figsize=(11, 11), layout="constrained")
     _response(findings, axes[0, 0], axes[0, 1])
     _current(findings, axes[1, 0], axes[1, 1])
     _chirp(findings, axes[2, 0])
-    _step(findings, axes[2, 1])
+    _step(findings, force, axes[2, 1])
     for axis in axes.flat:
         axis.grid(alpha=0.3, which="both")
     figure.savefig(path, dpi=120)
@@ -53,15 +53,14 @@ def _current(findings: Sequence[Findings], *axes: Axes) -> None:
     for axis, one in zip(axes, flexible, strict=False):
         marks = one.parameters.structure.frequencies_hz
         fine = np.sort(np.concatenate([f, *(np.linspace(0.97, 1.03, 121) * mark for mark in marks)]))
-        for weighting, style in ((False, "--"), (True, "-")):
-            loop = linear_loop.linear_loop(parameters(one.name, inner_loop__frequency_weighting=weighting))
+        for loop, style, weighting in zip(one.loops, ("--", "-"), ("without", "with"), strict=True):
             for column, label, color in (
                 (linear_loop.REFERENCE, "from reference, A/mm", "C0"),
                 (linear_loop.FORCE, "from contact force, A/kN", "C1"),
             ):
                 scale = 1e-3 if column == linear_loop.REFERENCE else 1e3
                 gains = scale * np.abs(loop.response(fine, column, linear_loop.CURRENT))
-                said = f"{label}, {'with' if weighting else 'without'} weighting"
+                said = f"{label}, {weighting} weighting"
                 axis.loglog(fine, gains, style, lw=1.0, color=color, label=said)
         axis.set(title=f"current, {one.name}", xlabel="Hz")
     axes[0].legend(fontsize=7)
@@ -76,10 +75,10 @@ def _chirp(findings: Sequence[Findings], axis: Axes) -> None:
     axis.legend(fontsize=8)
 
 
-def _step(findings: Sequence[Findings], axis: Axes) -> None:
+def _step(findings: Sequence[Findings], force: float, axis: Axes) -> None:
     for number, one in enumerate(findings):
         period = one.parameters.cycle_time / one.parameters.inner_steps
         shown = one.deviation[: round(0.1 / period)]
         axis.plot(1e3 * period * np.arange(shown.size), 1e3 * shown, lw=1.0, color=f"C{number}", label=one.name)
-    axis.set(title=f"unknown force of {STEP_FORCE:g} N", xlabel="ms", ylabel="mm")
+    axis.set(title=f"unknown force of {force:g} N", xlabel="ms", ylabel="mm")
     axis.legend(fontsize=8)

@@ -9,11 +9,11 @@ from test_rig_sim.contact import Contact
 from test_rig_sim.drive import Drive
 from test_rig_sim.force_observer import ForceObserver, force_observer
 from test_rig_sim.load_cell import LoadCell, load_cell
-from test_rig_sim.parameters import Parameters
+from test_rig_sim.rig_parameters import RigParameters
 from test_rig_sim.structure import Structure, structure
 
 
-def drive_of(p: Parameters) -> Drive:
+def drive_of(p: RigParameters) -> Drive:
     """Return the drive, without the friction and cogging that are switched off."""
     values = p.drive.model_dump(exclude={"current_limit", "current_slew", "delay"})
     if not p.imperfections.friction:
@@ -23,7 +23,7 @@ def drive_of(p: Parameters) -> Drive:
     return Drive(**values)
 
 
-def amplifier_of(p: Parameters) -> inner_loop.Amplifier:
+def amplifier_of(p: RigParameters) -> inner_loop.Amplifier:
     """Return limit, slew and delay of the motor current, infinite or 0 where switched off."""
     on = p.imperfections
     return inner_loop.Amplifier(
@@ -33,7 +33,7 @@ def amplifier_of(p: Parameters) -> inner_loop.Amplifier:
     )
 
 
-def loop_of(p: Parameters) -> inner_loop.InnerLoop:
+def loop_of(p: RigParameters) -> inner_loop.InnerLoop:
     """Design the inner loop. Raises ValueError if it is not stable."""
     q = p.inner_loop
     resonances: tuple[inner_loop.Resonance, ...] = ()
@@ -50,12 +50,12 @@ def loop_of(p: Parameters) -> inner_loop.InnerLoop:
     )
 
 
-def period_of(p: Parameters) -> float:
+def period_of(p: RigParameters) -> float:
     """Return the period of the inner loop in s."""
     return p.cycle_time / p.inner_steps
 
 
-def structure_of(p: Parameters, rest_force: float) -> Structure:
+def structure_of(p: RigParameters, rest_force: float) -> Structure:
     """Return the supporting structure, rigid if switched off; rest_force in N is the stator's force at the start."""
     q = p.structure
     if not p.imperfections.structure:
@@ -63,7 +63,7 @@ def structure_of(p: Parameters, rest_force: float) -> Structure:
     return structure(q.frequencies_hz, q.damping_ratios, q.modal_masses, rest_force)
 
 
-def cell_of(p: Parameters) -> LoadCell:
+def cell_of(p: RigParameters) -> LoadCell:
     """Return the load cell, sampled at the integration step."""
     on, q = p.imperfections, p.load_cell
     return load_cell(
@@ -75,7 +75,7 @@ def cell_of(p: Parameters) -> LoadCell:
     )
 
 
-def force_observer_of(p: Parameters) -> ForceObserver:
+def force_observer_of(p: RigParameters) -> ForceObserver:
     """Return the observer of the contact force; it makes up for the cell's lag only where the cell has dynamics."""
     q = p.force_observer
     return force_observer(
@@ -83,16 +83,16 @@ def force_observer_of(p: Parameters) -> ForceObserver:
     )
 
 
-def contact_of(p: Parameters, touching: bool) -> Contact:
+def contact_of(p: RigParameters, touching: bool) -> Contact:
     """Return the contact; without touching, head and drive pass through each other."""
     return Contact(p.contact.stiffness, p.contact.damping) if touching else Contact(0.0, 0.0)
 
 
-def noise_of(p: Parameters) -> float:
+def noise_of(p: RigParameters) -> float:
     """Return the standard deviation of the load cell's noise in N."""
     return p.load_cell.noise if p.imperfections.load_cell_noise else 0.0
 
 
-def resolution_of(p: Parameters) -> float:
+def resolution_of(p: RigParameters) -> float:
     """Return the encoder's step in m, 0 for none."""
     return p.encoder_resolution if p.imperfections.encoder else 0.0

@@ -3,13 +3,13 @@
 from test_rig_sim.car_body import CarBody
 from test_rig_sim.events import Uplift, knock
 from test_rig_sim.pantographs.motion import Load
-from test_rig_sim.parameters import Parameters
+from test_rig_sim.rig_parameters import RigParameters
 
 
 class Loads:
     """Gives the load at the end of each cycle, in order; between two cycles see `step.load_between`."""
 
-    def __init__(self, parameters: Parameters, air: float) -> None:
+    def __init__(self, parameters: RigParameters, air: float) -> None:
         p = parameters
         self._air = air
         self._cycle_time = p.cycle_time

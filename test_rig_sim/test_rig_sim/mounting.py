@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from test_rig_sim.car_body import CarBody
 from test_rig_sim.pantographs import PANTOGRAPHS, Options, Pantograph
 from test_rig_sim.pantographs.frame import Frame
 from test_rig_sim.pantographs.motion import BASE, BASE_RATE, CONTACT
-
-if TYPE_CHECKING:
-    from test_rig_sim.parameters import Parameters
+from test_rig_sim.rig_parameters import RigParameters
 
 FASTEST = 1.5
 """Largest product of a pole and the integration step; Runge-Kutta of fourth order is stable up to 2.7."""
 
 
-def mount(parameters: Parameters) -> Pantograph:
+def mount(parameters: RigParameters) -> Pantograph:
     """Return the pantograph, not yet put at its nominal height. Raises ValueError, naming the parameter."""
     p = parameters
     values = p.nonlinear_frame.model_dump()
@@ -32,7 +28,7 @@ def mount(parameters: Parameters) -> Pantograph:
     return pantograph
 
 
-def _check(pantograph: Pantograph, p: Parameters) -> None:
+def _check(pantograph: Pantograph, p: RigParameters) -> None:
     """Refuse a pantograph of a file that the rig would be unstable with, or that knows no car body but gets one."""
     if pantograph.bodies:
         return

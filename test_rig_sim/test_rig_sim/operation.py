@@ -2,21 +2,18 @@
 
 import math
 import sys
-from typing import TYPE_CHECKING
 
 from test_rig_sim import trajectory
 from test_rig_sim.inner_loop import InnerLoop
 from test_rig_sim.limits import Limits
 from test_rig_sim.motion import Pace, Response
 from test_rig_sim.retract import Retract
+from test_rig_sim.rig_parameters import RigParameters
 from test_rig_sim.supervisor import Rules, Supervisor
 from test_rig_sim.touch import Touch
 
-if TYPE_CHECKING:
-    from test_rig_sim.parameters import Parameters
 
-
-def available_acceleration(p: "Parameters") -> float:
+def available_acceleration(p: RigParameters) -> float:
     """Return the acceleration in m/s^2 that the current limit leaves in the harder direction.
 
     Upwards the weight is in the way, downwards the static contact force, less the weight.
@@ -26,7 +23,7 @@ def available_acceleration(p: "Parameters") -> float:
     return drive.force_constant * drive.current_limit / drive.mass - in_the_way
 
 
-def check(p: "Parameters") -> None:
+def check(p: RigParameters) -> None:
     """Refuse limits and motions that contradict each other or ask the drive for more than it has.
 
     Raises
@@ -66,7 +63,7 @@ def check(p: "Parameters") -> None:
             raise ValueError(f"{key} = {value} m/s must not be above limits.speed = {limits.speed}")
 
 
-def rules(p: "Parameters", loop: InnerLoop) -> Rules:
+def rules(p: RigParameters, loop: InnerLoop) -> Rules:
     """Return all that the supervisor has to know; ``loop`` says how the drive answers to its reference.
 
     Raises
@@ -94,7 +91,7 @@ def rules(p: "Parameters", loop: InnerLoop) -> Rules:
     )
 
 
-def supervisor_for(p: "Parameters", found: Rules, reference: float = 0.0) -> Supervisor:
+def supervisor_for(p: RigParameters, found: Rules, reference: float = 0.0) -> Supervisor:
     """Return a supervisor at cycle 0 of a drive that stands at reference (m)."""
     return Supervisor(found, p.operating_mode, reference, touching=p.start == "in_contact")
 

@@ -12,7 +12,7 @@ from test_rig_sim.loads import Loads
 from test_rig_sim.mounting import mount
 from test_rig_sim.pantographs.motion import bodies, body_motion, head_position, states
 from test_rig_sim.pantographs.statics import equilibrium, set_up
-from test_rig_sim.parameters import Parameters
+from test_rig_sim.rig_parameters import RigParameters
 
 Array = npt.NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Rig:
     (identification of the inner loop). Raises ValueError for parameters that give no stable inner loop.
     """
 
-    def __init__(self, parameters: Parameters, contact: bool = True) -> None:
+    def __init__(self, parameters: RigParameters, contact: bool = True) -> None:
         p = parameters
         self.cycle_time = p.cycle_time
         self._bare = mount(p)

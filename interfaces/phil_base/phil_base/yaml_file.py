@@ -19,6 +19,7 @@ except ImportError:  # PyYAML without libyaml
     from yaml import SafeLoader  # type: ignore[assignment]
 
 from phil_base.clear_words import ClearError
+from phil_base.ros_scalar import ros_value
 
 __all__ = ["TAG", "SafeLoader", "YamlError", "dump_yaml", "parse_yaml", "plain_value", "read_yaml"]
 
@@ -220,8 +221,6 @@ def _write_float(dumper: yaml.SafeDumper, value: float) -> yaml.Node:
 
 
 def _write_text(dumper: yaml.SafeDumper, value: str) -> yaml.Node:
-    from phil_base.parameter_file import ros_value
-
     plain = isinstance(plain_value(value), str) and isinstance(ros_value(value), str)
     return dumper.represent_scalar(f"{TAG}str", value, style=None if plain else '"')
 

@@ -8,53 +8,16 @@ of bytes that never change, so nobody sees what a sender writes next, and nobody
 from __future__ import annotations
 
 import threading
-from array import array
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from phil_node.cdr import Reader
+from phil_node.box import Box
 from phil_node.once import REMEMBERED
 from phil_node.paths import CycleReceiver, Follower, Receiver
 
 PORTION = 48
 """Messages that are handed over at a stretch before the thread looks at clock and sockets: 16 cycles of the loop."""
-
-
-class Box:
-    """A topic on which a node of this process speaks: who of its loop waits for it, and who follows it."""
-
-    def __init__(self, exchange: Exchange, kind: Any, kept: int) -> None:
-        """Take messages of a kind, of which the last ``kept`` are for who comes late."""
-        self._exchange = exchange
-        self.reader = Reader(kind)
-        self.wanted = 0
-        """Nodes of the loop that wait for what is sent."""
-        self.peers: tuple[Receiver, ...] = ()
-        self.followers: tuple[Receiver, ...] = ()
-        self.kept: deque[bytes] | None = deque(maxlen=kept) if kept else None
-        self.count = 0
-        self.digests = array("q", bytes(8 * REMEMBERED))
-        """Of the messages handed over last, for receivers that hear by DDS as well."""
-
-    alone = False
-    """There is no socket at which somebody could ask to be let in."""
-    dropped = 0
-    """What is sent here waits until it is taken."""
-
-    def send(self, data: bytes) -> None:
-        """Hand a message (CDR) over, soon and in turn; never here and now, so that a sender is never called back."""
-        if self.peers or self.followers or self.kept is not None:
-            exchange = self._exchange
-            exchange.waiting.append((self, data))
-            if not exchange.busy:
-                exchange.wake()
-
-    def close(self) -> None:
-        """Leave all; what waits is handed over to nobody."""
-        for receiver in (*self.peers, *self.followers):
-            receiver.gone()  # type: ignore[attr-defined]  # receivers of this module
-        self.peers = self.followers = ()
 
 
 class Exchange:

@@ -5,17 +5,15 @@ from __future__ import annotations
 import threading
 from collections import deque
 from time import monotonic, sleep
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 
 from phil_base.real_time import set_thread
+from phil_node.box import Box
 from phil_node.link import RECORD, Message, Outlet, Peer, batches, joined
 from phil_node.publish import publish_bytes
 from phil_node.topics import TopicsProcess
-
-if TYPE_CHECKING:
-    from phil_node.exchange import Box
 
 PORTION = 100
 """Kept messages that a new follower is given at once."""

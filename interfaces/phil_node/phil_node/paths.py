@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.serialization import serialize_message
 
+from phil_node.box import Box
 from phil_node.cdr import Reader, Written
 from phil_node.cycle_thread import CycleThread
 from phil_node.link import Inlet, Outlet, messages_of
 from phil_node.once import Once
 from phil_node.outbox import Outbox, Topic
-
-if TYPE_CHECKING:
-    from phil_node.exchange import Box
 
 
 class Sender:

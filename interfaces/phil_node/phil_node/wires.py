@@ -14,8 +14,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
 from phil_base.scheduling import IN_CYCLE
+from phil_node.box import Box
 from phil_node.cycle_thread import CycleThread
-from phil_node.exchange import Box, HandedCycles, HandedFollower
+from phil_node.exchange import HandedCycles, HandedFollower
 from phil_node.link import Inlet, Outlet, address
 from phil_node.outbox import Outbox, Topic
 from phil_node.paths import CycleReceiver, CycleSender, Follower, Receiver, Sender

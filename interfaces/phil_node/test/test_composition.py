@@ -15,9 +15,10 @@ pytest.importorskip("rclpy")
 messages = pytest.importorskip("phil_interfaces.msg", reason="the interfaces are not built, or not sourced")
 
 from phil_node import collector  # noqa: E402
+from phil_node.box import Box  # noqa: E402
 from phil_node.cdr import Plan, Reader  # noqa: E402
 from phil_node.composition import Composition, Member  # noqa: E402
-from phil_node.exchange import PORTION, Box, HandedCycles, HandedFollower  # noqa: E402
+from phil_node.exchange import PORTION, HandedCycles, HandedFollower  # noqa: E402
 from phil_node.qos import CYCLE_KEPT  # noqa: E402
 
 SEGMENT = ("segment_displacement", "segment_velocity", "segment_acceleration", "segment_force")
