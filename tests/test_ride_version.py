@@ -27,6 +27,7 @@ def test_the_packages_are_those_of_the_workspace():
 
 
 @pytest.mark.parametrize("package", [path for path in PACKAGES if (path / "setup.py").is_file()], ids=lambda p: p.name)
+@pytest.mark.slow
 def test_setuptools_takes_the_version_of_the_package(package):
     asked = [sys.executable, "setup.py", "--quiet", "--version"]
     said = subprocess.run(asked, cwd=package, capture_output=True, text=True, check=True)

@@ -119,6 +119,7 @@ def test_an_unstable_design_does_not_come_out_of_the_registry_nor_into_the_cache
 
 
 @pytest.mark.parametrize("speed", [0.0, 250.0 / 3.6, FAST])
+@pytest.mark.slow
 def test_coupled_wires_with_frozen_droppers_are_stable(speed: float) -> None:
     layer, domain = Layer(), frame(speed, half=50)
     feedback = impose("controlled", domain, layer)
@@ -126,6 +127,7 @@ def test_coupled_wires_with_frozen_droppers_are_stable(speed: float) -> None:
         assert spectral_radius(domain, feedback, layer, frozen(Line(), domain.mesh, zeta, 40.0)) < 1.0
 
 
+@pytest.mark.slow
 def test_motion_decays_while_the_line_passes() -> None:
     layer, domain = Layer(), frame(250.0 / 3.6, half=35)
     feedback = impose("controlled", domain, layer)
@@ -143,6 +145,7 @@ def test_nothing_is_lost_between_clamped_ends_and_the_radius_says_so() -> None:
     assert spectral_radius(held, None, layer, springs) == pytest.approx(1.0, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_stepper_and_radius_are_the_same_system() -> None:
     """Power iteration of the step with feedback and springs approaches the dense radius, 1e-3."""
     layer, domain = Layer(nodes=8), frame(250.0 / 3.6, half=12)

@@ -135,6 +135,7 @@ def test_a_sponge_absorbs_only_what_is_shorter_than_itself() -> None:
 
 @pytest.mark.parametrize("kind", ["matched_dashpot", "controlled"])
 @pytest.mark.parametrize("end", [BEHIND, AHEAD])
+@pytest.mark.slow
 def test_packets_in_time_come_back_as_the_waves_say(kind: str, end: int) -> None:
     """10, 20, 30 Hz at 250 km/h, relative to clamped: 5 % and 0.01 % of the amplitude (a packet has a bandwidth)."""
     speed, frequency, layer = 250.0 / 3.6, np.array([10.0, 20.0, 30.0]), Layer(nodes=20)

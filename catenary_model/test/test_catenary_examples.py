@@ -41,6 +41,7 @@ def numbers(pattern: str, told: str) -> list[float]:
     return [float(found) for found in re.findall(pattern, told)]
 
 
+@pytest.mark.slow
 def test_wave_past_dropper(run: Callable[..., str]) -> None:
     """A taut dropper sends back what two strings with a tie do, within half a per cent; a slack one less."""
     told = run("wave_past_dropper", "--force", "50", "1200")
@@ -49,12 +50,14 @@ def test_wave_past_dropper(run: Callable[..., str]) -> None:
     assert slack < 0.9 * taut
 
 
+@pytest.mark.slow
 def test_clamped_against_absorbed(run: Callable[..., str]) -> None:
     clamped, absorbed, layers = numbers(r"error ([\d.]+) %", run("clamped_against_absorbed", "--duration", "4.5"))
     assert absorbed < 0.5 * clamped
     assert layers < 0.5 * absorbed
 
 
+@pytest.mark.slow
 def test_speed_sweep(run: Callable[..., str]) -> None:
     told = run("speed_sweep", "--speeds", "2", "--spans", "3")
     slow, fast = numbers(r"\+- (\d+) N", told)
@@ -81,6 +84,7 @@ def test_sag_and_stiffness(run: Callable[..., str]) -> None:
     assert "2046 to 5053 N/m" in told
 
 
+@pytest.mark.slow
 def test_absorbing_boundary(run: Callable[..., str], tmp_path: Path) -> None:
     """Below a per cent by waves and in time, where a string's own end is far above; stable; the file says the same."""
     told = run("absorbing_boundary")

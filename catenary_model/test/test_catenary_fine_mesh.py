@@ -126,6 +126,7 @@ class FineMesh:
 
 @pytest.mark.parametrize("slack", [False, True])
 @pytest.mark.parametrize("line", [Line(), uneven_line()], ids=["table 3.1", "uneven"])
+@pytest.mark.slow
 def test_equilibrium_against_a_fine_mesh(line: Line, slack: bool) -> None:
     """Elements of 0.05 m with nodes at the clamps, given the computed lengths (and one dropper 60 mm too long).
 
@@ -145,6 +146,7 @@ def test_equilibrium_against_a_fine_mesh(line: Line, slack: bool) -> None:
 
 
 @pytest.mark.parametrize(("at", "force"), [(30.0, 100.0), (26.0, 100.0), (60.0, 250.0), (55.0, 250.0)])
+@pytest.mark.slow
 def test_uplift_against_a_fine_mesh(at: float, force: float) -> None:
     """Seven spans with soft masts and arms, 0.1 m elements; 250 N make droppers slack.
 

@@ -47,6 +47,7 @@ def look_at(catenary: Catenary, x: float) -> float:
     gain=st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)),
     boundary=st.sampled_from(["matched_dashpot", "clamped"]),
 )
+@pytest.mark.slow
 def test_linear_without_droppers(speed_kmh: float, gain: tuple[float, float], boundary: str) -> None:
     """Superposition to rounding: the response to a sum of two forces is the sum of responses. Masts are linear."""
     rides = []
@@ -152,6 +153,7 @@ def test_mirror_symmetry_at_rest(start: float, boundary: str) -> None:
 
 @settings(max_examples=8, deadline=None)
 @given(a=st.floats(-55.0, 55.0), b=st.floats(-55.0, 55.0), line=st.sampled_from(["en50318_2002", "alternating_spans"]))
+@pytest.mark.slow
 def test_reciprocity_at_rest(a: float, b: float, line: str) -> None:
     """What a push at a does at b, the same push at b does at a, at every instant (small: droppers taut); 1e-9.
 
@@ -172,6 +174,7 @@ def test_reciprocity_at_rest(a: float, b: float, line: str) -> None:
 
 @pytest.mark.parametrize(("gamma", "beta", "order"), [(0.5, 0.25, 2.0), (0.53, 0.16, 1.0), (0.55, 0.28, 1.0)])
 @pytest.mark.parametrize("speed_kmh", [0.0, 250.0])
+@pytest.mark.slow
 def test_order_in_the_time_step(speed_kmh: float, gamma: float, beta: float, order: float) -> None:
     """Halving the step divides the error by 2^order: 2 with gamma = 1/2, else 1; within 0.3 of it.
 

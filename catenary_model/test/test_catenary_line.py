@@ -247,6 +247,7 @@ def spans(draw: st.DrawFn) -> Span:
     )
 )
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@pytest.mark.slow
 def test_round_trip(line: Line) -> None:
     try:
         statics.solve(line)

@@ -226,6 +226,7 @@ def test_deactivated_node_starts_anew(partner: Partner) -> None:
     assert partner.node.trigger_cleanup().name == "SUCCESS"
 
 
+@pytest.mark.slow
 def test_an_unusable_line_is_refused_at_the_start(tmp_path: Path) -> None:
     """The process ends with code 2 and says parameter, file and entry."""
     mine = tmp_path / "mine.yaml"

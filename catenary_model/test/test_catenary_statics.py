@@ -270,6 +270,7 @@ def test_slack_dropper_beside_droppers_that_are_held() -> None:
 
 @given(extra=st.lists(st.floats(-0.02, 0.15), min_size=20, max_size=20))
 @settings(max_examples=40, deadline=None)
+@pytest.mark.slow
 def test_any_lengths_give_a_one_sided_equilibrium(extra: list[float]) -> None:
     line = uneven_line()
     rest = statics.solve(with_lengths(line, statics.solve(line).dropper_lengths + np.array(extra)))
@@ -277,6 +278,7 @@ def test_any_lengths_give_a_one_sided_equilibrium(extra: list[float]) -> None:
     assert rest.dropper_forces.min() >= 0.0
 
 
+@pytest.mark.slow
 def test_dropper_that_is_lengthened_slackens_steadily() -> None:
     """Half a millimetre at a time: less and less tension, then none and a growing gap; an equilibrium at every step."""
     tension, gap = [], []

@@ -113,6 +113,7 @@ def test_kernel_with_given_lengths_equals_dense_reference() -> None:
     assert error < 1e-9
 
 
+@pytest.mark.slow
 def test_kernel_with_masses_equals_dense_reference() -> None:
     """Droppers and arms with mass that run through the mesh and in and out at the ends: rounding only, 1e-9.
 
@@ -132,6 +133,7 @@ def test_kernel_with_masses_equals_dense_reference() -> None:
     assert error < 1e-9
 
 
+@pytest.mark.slow
 def test_what_the_default_leaves_out_between_sites_is_small() -> None:
     """Default tolerance 1e-3: within 1e-4 of the dense step (measured 1e-5), and the slack states agree."""
     error, slack = difference(dataclasses.replace(SMALL, coupling_tolerance=Config().coupling_tolerance))
@@ -139,6 +141,7 @@ def test_what_the_default_leaves_out_between_sites_is_small() -> None:
     assert error < 1e-4
 
 
+@pytest.mark.slow
 def test_rest_without_contact_force_is_exact_at_speed() -> None:
     """20 s at 250 km/h: no deviation at all, so the wire under the pantograph is the static one."""
     catenary = Catenary(Config())
@@ -188,6 +191,7 @@ def test_long_ride_stays_bounded(speed_kmh: float) -> None:
 
 @pytest.mark.parametrize("name", preset_names())
 @pytest.mark.parametrize("speed_kmh", [0.0, 250.0])
+@pytest.mark.slow
 def test_every_preset_rides_and_comes_to_rest(name: str, speed_kmh: float) -> None:
     """2 s of contact with the default settings move the wires by less than 0.2 m; 10 s later 20 mm of it are left.
 

@@ -25,6 +25,7 @@ def bare(tension: float, length: float, stiffness: float, bending_stiffness: flo
 
 @given(tension=st.floats(8e3, 35e3), length=st.floats(20.0, 80.0), stiffness=st.floats(300.0, 1e7))
 @settings(max_examples=25, deadline=None)
+@pytest.mark.slow
 def test_string_on_equal_springs(tension: float, length: float, stiffness: float) -> None:
     """T (u_1 - 2 u_0 + u_-1)/L = k u_0 - F: u_n = F mu^n/(k + 2 T (1 - mu)/L), mu + 1/mu = 2 + k L/T.
 

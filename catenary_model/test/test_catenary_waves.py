@@ -80,6 +80,7 @@ def look_at(catenary: Catenary, x: float) -> float:
     ],
 )
 @pytest.mark.parametrize("speed_kmh", [100.0, 250.0])
+@pytest.mark.slow
 def test_frame_of_the_train_makes_no_difference(line: Line, tolerance: float, speed_kmh: float) -> None:
     """Galilean invariance: a push at a fixed point of the line, seen from the train and at rest (`difference`)."""
 

@@ -55,6 +55,7 @@ def test_missing_compliance_makes_point_loads_right() -> None:
 
 
 @pytest.mark.parametrize("start", [20.3, 30.0, 43.1])
+@pytest.mark.slow
 def test_static_push_lifts_as_the_closed_form_does(start: float) -> None:
     """A force that comes up slowly at v = 0 on damped wires, against `stiffness`; 0.5 % (clamps between nodes)."""
     line = dataclasses.replace(

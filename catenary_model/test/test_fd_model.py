@@ -38,6 +38,7 @@ def rider() -> Pantograph:
 
 @pytest.mark.parametrize("line", ["en50318_2002", "pre_sag_steady_arm", "alternating_spans"])
 @pytest.mark.parametrize("speed_kmh", [0.0, 320.0])
+@pytest.mark.slow
 def test_at_rest_it_stays_at_rest(line: str, speed_kmh: float) -> None:
     """Without contact force the deviation is exactly zero, whatever moves through the domain."""
     catenary = Catenary(setting(line=load_line(line), speed=speed_kmh / 3.6))
@@ -55,6 +56,7 @@ def test_at_rest_it_stays_at_rest(line: str, speed_kmh: float) -> None:
     speed_kmh=st.floats(0.0, 330.0, allow_subnormal=False),
     gain=st.tuples(st.floats(-3.0, 3.0, allow_subnormal=False), st.floats(-3.0, 3.0, allow_subnormal=False)),
 )
+@pytest.mark.slow
 def test_linear_with_linear_droppers(speed_kmh: float, gain: tuple[float, float]) -> None:
     """Linear and time-varying: the response to a sum of two forces is the sum of the responses, to rounding."""
     rides = []
@@ -67,6 +69,7 @@ def test_linear_with_linear_droppers(speed_kmh: float, gain: tuple[float, float]
     assert (np.abs(rides[2] - gain[0] * rides[0] - gain[1] * rides[1]) <= 1e-9 * scale).all()
 
 
+@pytest.mark.slow
 def test_both_discretisations_know_linear_droppers() -> None:
     """A push that slackens droppers, 0.8 s: linear ones hold the wire down by some mm, in either discretisation alike.
 
@@ -89,6 +92,7 @@ def test_both_discretisations_know_linear_droppers() -> None:
         assert np.abs(lift["fd", one_sided] - lift["fe", one_sided]).max() < 0.02 * lift["fe", one_sided].max()
 
 
+@pytest.mark.slow
 def test_two_rides_and_a_reset_give_the_same_bits() -> None:
     first, second = Catenary(setting(line=load_line("pre_sag_steady_arm"))), None
     for k in range(300):
@@ -105,6 +109,7 @@ def test_two_rides_and_a_reset_give_the_same_bits() -> None:
 
 
 @pytest.mark.parametrize("speed_kmh", [160.0, 250.0])
+@pytest.mark.slow
 def test_a_ride_agrees_with_the_finite_elements(speed_kmh: float) -> None:
     """Same pantograph, 5 s, the last 2 s: displacement to 2 % of its deviation, mean force to 0.3 N.
 
@@ -178,6 +183,7 @@ def test_work_with_one_step_a_cycle_is_force_over_way() -> None:
     assert catenary.impulse == pytest.approx(impulse, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_coupling_and_pushing_are_the_same_wire() -> None:
     """A ride's contact force, pushed again cycle by cycle: the same but for the force within a cycle; 0.02 mm."""
     catenary: MovingCatenary = Catenary(setting())

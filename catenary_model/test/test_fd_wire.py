@@ -152,6 +152,7 @@ def look_at(catenary: Catenary, x: float) -> float:
     ],
 )
 @pytest.mark.parametrize("speed_kmh", [100.0, 300.0])
+@pytest.mark.slow
 def test_frame_of_the_train_makes_no_difference(line: Line, tolerance: float, speed_kmh: float) -> None:
     """Galilean invariance: a push at a fixed point of the line, seen from the train and at rest (`difference`)."""
 
@@ -162,6 +163,7 @@ def test_frame_of_the_train_makes_no_difference(line: Line, tolerance: float, sp
     assert difference(make, push_at, look_at, speed_kmh / 3.6) < tolerance
 
 
+@pytest.mark.slow
 def test_absorbing_ends_send_back_little(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Free wire at 250 km/h, push below 20 Hz, short domain against a long one: 0.1 % of what clamped ends send back.
 

@@ -75,6 +75,7 @@ def test_push_on_400_spans_is_that_on_one() -> None:
         assert many.push(12e3 + at, force).uplift == pytest.approx(once.push(at, force).uplift, rel=2e-5)
 
 
+@pytest.mark.slow
 def test_memory_of_a_long_line_is_that_of_its_table() -> None:
     """400 spans no two of which are alike: 40 MiB of table and little else; one dense matrix alone would be 120."""
     build(Config())  # code that is compiled and loaded is not meant

@@ -95,6 +95,7 @@ def test_symmetry_at_rest() -> None:
 
 @settings(max_examples=10)
 @given(a=st.floats(60.0, 140.0), b=st.floats(60.0, 140.0))
+@pytest.mark.slow
 def test_reciprocity(a: float, b: float) -> None:
     """What b feels of a push at a is what a feels of the same push at b; droppers, masses, arms, dashpots included."""
     answers = []

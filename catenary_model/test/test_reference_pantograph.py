@@ -26,6 +26,7 @@ def run(p: Pantograph, wire: np.ndarray, ts: float, start: float = 0.0, complian
     return forces
 
 
+@pytest.mark.slow
 def test_static_force_on_a_rigid_wire() -> None:
     """At rest the force is what the frame's spring leaves of the uplift: F = f_up - k_1 y_1."""
     forces = run(EN50318, np.full(60_000, 0.05), 1e-3, start=0.05)
@@ -35,6 +36,7 @@ def test_static_force_on_a_rigid_wire() -> None:
     assert forces[-1] == pytest.approx(120.0 - 50.0 * y[0], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_wavy_rigid_wire_converges_with_order_two() -> None:
     """Steady force on a sinusoidal wire against the complex amplitude; the error falls with the square of the step."""
     omega, amplitude = 2.0 * math.pi * 3.0, 1e-3
@@ -58,6 +60,7 @@ def test_wavy_rigid_wire_converges_with_order_two() -> None:
     assert orders == pytest.approx([2.0, 2.0], abs=0.1)
 
 
+@pytest.mark.slow
 def test_bounce_against_a_rigid_wire() -> None:
     """A mass thrown up by a constant force: time of impact, peak force and return as in the closed form."""
     m, f, k, d = 10.0, 100.0, 50e3, 0.02
@@ -76,6 +79,7 @@ def test_bounce_against_a_rigid_wire() -> None:
     assert forces.max() == pytest.approx(f + math.hypot(f, speed * omega * m), rel=1e-4)  # order 2 in omega ts = 7e-4
 
 
+@pytest.mark.slow
 def test_wire_that_drops_away_is_caught_again() -> None:
     """Contact is lost when the wire jumps up and comes back; the late force is the static one."""
     wire = np.zeros(40_000)

@@ -128,6 +128,7 @@ class DenseRide:
 
 
 @pytest.mark.parametrize("ends", ["matched_dashpot", "clamped"])
+@pytest.mark.slow
 def test_ride_equals_dense_system(ends: str) -> None:
     """Rounding only, with slack droppers, lumped masses, arms, both ends: 1e-8 of force and deviation over 0.25 s."""
     steps, ramp = 250, 0.1

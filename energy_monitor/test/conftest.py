@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from energy_monitor.contact_quality import ContactQuality
 
@@ -94,19 +96,26 @@ def columns(ride: SyntheticRide) -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
+@cache
+def types_without(lacking: tuple[str, ...]) -> Typestore:
+    """Give the types of a ride, without some fields of some messages; their code is compiled once."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types: dict[str, Any] = {}
+    for file in sorted(INTERFACES.glob("*.msg")):
+        absent = [name.split(".")[1] for name in lacking if name.split(".")[0] == file.stem]
+        lines = ((line.split("#")[0].split(), line) for line in file.read_text().splitlines())
+        kept = [line for words, line in lines if len(words) < 2 or words[1] not in absent]
+        types.update(get_types_from_msg("\n".join(kept), f"phil_interfaces/msg/{file.stem}"))
+    store.register({name: kind for name, kind in types.items() if name not in store.fielddefs})
+    return store
+
+
 def write_ride(
     path: Path, ride: SyntheticRide | None = None, *, sqlite: bool = False, compressed: bool = False
 ) -> Path:
     """Write the ride's bag to the folder `path`."""
     ride = ride or SyntheticRide()
-    store = get_typestore(Stores.ROS2_JAZZY)
-    types: dict[str, Any] = {}
-    for file in sorted(INTERFACES.glob("*.msg")):
-        lacking = [name.split(".")[1] for name in ride.lacking if name.split(".")[0] == file.stem]
-        lines = ((line.split("#")[0].split(), line) for line in file.read_text().splitlines())
-        kept = [line for words, line in lines if len(words) < 2 or words[1] not in lacking]
-        types.update(get_types_from_msg("\n".join(kept), f"phil_interfaces/msg/{file.stem}"))
-    store.register({name: kind for name, kind in types.items() if name not in store.fielddefs})
+    store = types_without(ride.lacking)
     writer = Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3 if sqlite else StoragePlugin.MCAP)
     if compressed:
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
@@ -129,14 +138,21 @@ def _messages(ride: SyntheticRide, store: Any) -> Iterable[tuple[int, str, str, 
     c = columns(ride)
     step = round(TS * 1e9 / ride.wall_factor)
 
+    fields = {
+        kind.rsplit("/", 1)[1]: {entry[0] for entry in definition[1]}
+        for kind, definition in store.fielddefs.items()
+        if kind.startswith("phil_interfaces/")
+    }
+    lacking = {name: {one.split(".")[1] for one in ride.lacking if one.split(".")[0] == name} for name in fields}
+
     def header(cycle: int, frame: str) -> Any:
         seconds, rest = divmod(cycle * 2_000_000, 10**9)
         return header_type(stamp_type(seconds, rest), frame)
 
     def make(name: str, **values: Any) -> tuple[str, Any]:
         kind = f"phil_interfaces/msg/{name}"
-        known = {entry[0] for entry in store.fielddefs[kind][1]}
-        absent = {entry.split(".")[1] for entry in ride.lacking if entry.split(".")[0] == name}
+        known = fields[name]
+        absent = lacking.get(name, set())
         assert values.keys() - absent == known
         return kind, types[kind](**{key: value for key, value in values.items() if key in known})
 

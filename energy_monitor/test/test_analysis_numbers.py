@@ -161,6 +161,7 @@ def test_error_of_the_forecast(report: Report, make: Make) -> None:
     assert make(cycles=1).contact_force.prediction_error is None
 
 
+@pytest.mark.slow
 def test_books_agree_and_disagree(report: Report, make: Make) -> None:
     monitor, controller, quality = report.agreement
     assert (monitor.source, controller.source) == ("energy_monitor", "impedance_mpc")
@@ -249,6 +250,7 @@ def test_good_ride_passes(report: Report) -> None:
         ({"without": ("impedance_mpc/conserved_quantities",), "parameters": UPLIFT}, "controller_books"),
     ],
 )
+@pytest.mark.slow
 def test_bad_ride_fails(make: Make, ride: dict[str, Any], key: str) -> None:
     report = make(**ride)
     assert verdict(report, key).ok is False
@@ -333,6 +335,7 @@ def test_losses_are_listed_with_place_and_length(make: Make) -> None:
     assert make(no_contact=(1300,), without=("catenary_model/wire_shape",)).losses[0].mast_before is None
 
 
+@pytest.mark.slow
 def test_shorter_losses_than_count_do_not_fail_a_ride(make: Make) -> None:
     for duration, ok in ((0.0, False), (0.005, True)):
         report = make(no_contact=(1100, 1102), settings=Settings(loss_duration=duration))

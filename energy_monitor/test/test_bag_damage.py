@@ -195,6 +195,7 @@ def mutated(data: bytes, chance: random.Random) -> bytes:
     return bytes(content)
 
 
+@pytest.mark.slow
 def test_any_damage_gives_numbers_or_one_line(
     rows: list[Row], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -63,6 +63,7 @@ def test_diagnostics_above_ok(ride_bag: Path) -> None:
     assert found[0].values == {"late": "1"}
 
 
+@pytest.mark.slow
 def test_sqlite_gives_the_same(synthetic: Writer, ride_bag: Path, tmp_path: Path) -> None:
     ours, theirs = read_bag(synthetic(tmp_path / "bag", sqlite=True)), read_bag(ride_bag)
     assert ours.storage == "sqlite3" and ours.complete
@@ -116,6 +117,7 @@ def test_cut_compressed_chunk(synthetic: Writer, tmp_path: Path) -> None:
 @settings(max_examples=25, deadline=None)
 @example(share=1e-6)
 @given(share=st.floats(0.0, 1.0))
+@pytest.mark.slow
 def test_cut_anywhere_gives_the_beginning(share: float, file: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     # A file that is cut at any byte gives a gapless beginning of the ride, or says in one line that it is empty.
     data = file.read_bytes()

@@ -82,6 +82,7 @@ def test_a_ride_goes_on_behind_a_stray_that_is_nearer_to_another_one() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.data())
+@pytest.mark.slow
 def test_whatever_is_put_into_a_ride_it_keeps_its_cycles(data: st.DataObject) -> None:
     order = list(RIDE)
     for _ in range(data.draw(st.integers(1, 8))):

@@ -173,6 +173,7 @@ def test_a_monitor_that_was_held_up_raises_no_alarm_of_its_own():
 
 @settings(max_examples=6, deadline=None)
 @given(st.randoms(use_true_random=False), st.integers(1, 4))
+@pytest.mark.slow
 def test_any_order_of_reading_gives_the_books_of_the_one_in_step(chance, pieces):
     """Topic by topic, the controller's books among them: the same books, figures and complaints to the bit."""
     cycles = 1100

@@ -232,6 +232,7 @@ def test_start_apart_from_the_wire_is_a_smooth_approach():
     assert max(steps) < 5e-4
 
 
+@pytest.mark.slow
 def test_two_runs_and_a_run_after_reset_are_equal_to_the_bit():
     def run(c):
         record = ride(c, MovingString(half=40, segment=12), 150, noise=1.0)

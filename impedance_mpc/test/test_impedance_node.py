@@ -111,6 +111,7 @@ def ask(bench, kind, name, request):
     return future.result()
 
 
+@pytest.mark.slow
 def test_cycles_are_answered_in_order_and_the_last_one_again(bench):
     bench.go()
     for k in range(12):

@@ -11,6 +11,7 @@ TS = 0.002
 
 @pytest.mark.parametrize(("frequency", "damping"), [(40.0, 0.8), (30.0, 0.7), (15.0, 1.0), (60.0, 1.6)])
 @pytest.mark.parametrize("delay", [0.0, 0.0004, 0.002, 0.0047])
+@pytest.mark.slow
 def test_ramps_that_arrive_late_equal_a_fine_simulation(frequency, damping, delay):
     """Against RK4 with 200 steps a cycle: its local error at these frequencies is far below the 1e-9 asked for.
 

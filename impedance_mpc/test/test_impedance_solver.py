@@ -17,6 +17,7 @@ each = pytest.mark.parametrize("solver", [QuadraticProgram, ProximalProgram], id
 
 
 @each
+@pytest.mark.slow
 def test_solver_refuses_nan_and_recovers(solver):
     """A gradient with NaN fails, the next call is solved as if nothing had been."""
     qp = solver(np.eye(2), np.ones((1, 2)), 1e-8, 100)
@@ -107,6 +108,7 @@ def _program(seed):
 @each
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
+@pytest.mark.slow
 def test_every_start_leads_to_the_solution(solver, seed):
     """From the active set before, from none, by another method: the same to the tolerance, whatever the rows' unit."""
     hessian, rows, softness, chain = _program(seed)

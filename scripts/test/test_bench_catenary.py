@@ -102,6 +102,7 @@ def test_regression_over_spans() -> None:
     assert per_span({2: 7.0, 4: 11.0, 8: 19.0}) == pytest.approx((2.0, 3.0))
 
 
+@pytest.mark.slow
 def test_quick_bench_fills_every_table(monkeypatch: pytest.MonkeyPatch, tmp_path, capsys) -> None:
     target, pictures = tmp_path / "figures.json", tmp_path / "pictures"
     given = ["bench", "catenary", "--quick", "--json", str(target), "--out", str(pictures)]

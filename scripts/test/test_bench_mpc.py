@@ -51,6 +51,7 @@ def test_recorded_problems_are_those_of_the_ride() -> None:
     assert np.array_equal(sent, np.array(plans))
 
 
+@pytest.mark.slow
 def test_sequences_are_hard_enough(sequences: dict[str, Sequence], reference: dict[str, np.ndarray]) -> None:
     """The correction force is at its bounds, and soft rows of the drive are broken."""
     ride, limits = sequences[mpc.RIDE], sequences[mpc.AT_LIMITS]
@@ -99,6 +100,7 @@ def test_soft_rows_written_with_variables_are_the_same_program(
 
 
 @pytest.mark.parametrize("name", [name for name in SOLVERS if name not in (CONTROLLER, "DAQP", "ProxQP, AVX2")])
+@pytest.mark.slow
 def test_other_solvers_agree(name: str, sequences: dict[str, Sequence], reference: dict[str, np.ndarray]) -> None:
     if version(name) is None:
         pytest.skip(f"{SOLVERS[name].package} is not installed: python -m pip install --group bench")
@@ -187,6 +189,7 @@ def test_differences_in_the_last_bit_are_seen(sequences: dict[str, Sequence], re
         assert entry.same_again is same
 
 
+@pytest.mark.slow
 def test_a_solver_that_cannot_work_takes_no_part(sequences: dict[str, Sequence]) -> None:
     short = {mpc.RIDE: sequences[mpc.RIDE].part(slice(0, 10))}
     entries, failed = contest([CONTROLLER, "nobody's"], short, 1)
@@ -206,6 +209,7 @@ def test_clocks_in_the_parts_change_nothing_of_the_ride() -> None:
     assert plain.books == mpc_split.Books(**dataclasses.asdict(inside.books))
 
 
+@pytest.mark.slow
 def test_quick_bench_fills_every_table(monkeypatch: pytest.MonkeyPatch, tmp_path, capsys) -> None:
     """With those solvers only that every set-up has, so that it says what is missing."""
     present = (CONTROLLER, PROXIMAL, "DAQP")
@@ -234,6 +238,7 @@ def test_quick_bench_fills_every_table(monkeypatch: pytest.MonkeyPatch, tmp_path
         assert text in said
 
 
+@pytest.mark.slow
 def test_same_matrices_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """Limits that change more than bounds would not be the same solver's sequence."""
     monkeypatch.setattr(mpc, "LIMITS", {"qp_tolerance": 1e-7, "rig_damping_ratio": 0.7})

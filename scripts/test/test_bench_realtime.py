@@ -288,6 +288,7 @@ def test_outcome_of_a_ride() -> None:
 
 
 @pytest.mark.parametrize("builds", [1, 2])
+@pytest.mark.slow
 def test_outcome_can_be_printed_written_and_drawn(builds: int, tmp_path: Path) -> None:
     names = ["this build", "0123456789"][:builds]
     rides = [ridden(name, [1e-3, 1.5e-3, 3e-3] * 100, late=3) for name in names for _ in range(2)]

@@ -119,6 +119,7 @@ def test_a_parameter_that_a_ride_would_refuse_is_refused_before_it(
 
 
 @pytest.mark.parametrize("wrong", [["9" * 5000], ["--params-file", "\x1b[31mred"], ["-p", os.fsdecode(b"\xff:=1")]])
+@pytest.mark.slow
 def test_arguments_that_ros_cannot_take_end_a_node_with_a_line_that_can_be_read(wrong: list[str]) -> None:
     code = "import sys; from phil_node.process import run; sys.exit(run(lambda: None, sys.argv))"
     command = [sys.executable, "-c", code, "--ros-args", *wrong]

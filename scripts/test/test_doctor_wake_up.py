@@ -24,6 +24,7 @@ def lateness(*, usual=2e-5, rare=2e-5, largest=2e-5):
     return WakeUps("SCHED_FIFO 45", "0", late)
 
 
+@pytest.mark.slow
 def test_each_period_is_measured_on_each_cpu():
     cpus = sorted(os.sched_getaffinity(0))
     begun = time.monotonic()
@@ -118,6 +119,7 @@ def test_wrong_use_is_said_at_once(arguments):
     assert arguments[1] in done.stderr and "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_an_examination_ends_with_what_stands_against_a_ride(tmp_path, monkeypatch):
     """The whole: the exit code, the words and the document say the same."""
     monkeypatch.setenv("PATH", "/nonexistent")  # cyclictest takes whole seconds, where it is installed

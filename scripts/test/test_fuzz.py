@@ -40,6 +40,7 @@ def outcome_of(entry: str, case: Path) -> Outcome:
 
 
 @pytest.mark.parametrize("name", sorted(CASES))
+@pytest.mark.slow
 def test_damaged_files_end_in_a_result_or_in_clear_lines(name: str, tmp_path: Path) -> None:
     kind = KINDS[name]
     examples = [good for good in kind.examples(None) if good.content.split(b"\0")[0] not in WITH_ROS]

@@ -62,6 +62,7 @@ def jumps(record: Seen) -> np.ndarray:
     return record.start[1:] - record.end[:-1]
 
 
+@pytest.mark.slow
 def test_the_environments_are_those_that_were_chosen(record: Seen) -> None:
     for k, name in SWITCHES.items():
         assert record.environment[k] != record.environment[k + 1] == ENVIRONMENTS.index(name)
@@ -116,6 +117,7 @@ def test_the_energy_error_of_the_books_stays_small_over_all_switches(loop: Close
     assert abs(record.delta_work[-1]) < 0.01 * loop.commander.books.exchanged_energy
 
 
+@pytest.mark.slow
 def test_two_equal_rides_with_switches_are_equal_to_the_bit() -> None:
     names = ("mass_spring_damper", "reduced", "catenary")
     events = {100 * (i + 1): environment(name) for i, name in enumerate(names)}

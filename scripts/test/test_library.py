@@ -76,6 +76,7 @@ def test_what_is_wrong_in_settings_is_said_in_one_line(given: dict, said: str) -
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_library_loads_nothing_of_ros() -> None:
     code = (
         "import sys; from phil_loop import ClosedLoop, settings; import phil_loop.events; "
@@ -88,6 +89,7 @@ def test_the_library_loads_nothing_of_ros() -> None:
 # Rides ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_two_rides_of_one_loop_are_equal_to_the_bit_whatever_happened_in_between(loop: ClosedLoop) -> None:
     first = loop.ride()
     loop.ride(0.4, {0.1: [environment("reduced"), control("cascaded"), uplift_force(80.0)], 0.2: emergency_stop})
@@ -144,6 +146,7 @@ def test_the_correction_force_is_switched_off_and_on(loop: ClosedLoop) -> None:
     assert not off[100:400].any()
 
 
+@pytest.mark.slow
 def test_a_landing_ends_the_ride_where_the_drive_rests() -> None:
     landing = ClosedLoop(settings(duration=1.0, test_rig_sim={**QUICK, "land_at_end": True}))
     by_itself = landing.ride()

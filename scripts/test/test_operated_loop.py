@@ -56,6 +56,7 @@ def acceleration(record: Seen, cycles: slice) -> float:
 
 
 @pytest.mark.parametrize("pantograph", ["en50318", "three_mass"])
+@pytest.mark.slow
 def test_soft_start_and_landing(pantograph: str) -> None:
     """From apart over the ride to apart again; the touch is a fraction of the static force of 120 N."""
     loop, record = ride(4500, {2500: land}, {"start": "apart", "pantograph": pantograph})
@@ -86,6 +87,7 @@ def test_soft_start_and_landing(pantograph: str) -> None:
     assert abs(loop.catenary.w_cat) < 0.03
 
 
+@pytest.mark.slow
 def test_hold_and_position_during_a_ride_and_back() -> None:
     settings = {"trajectory.center": 0.05, "trajectory.amplitude": 0.01, "trajectory.duration": 2.0}
     events = {
@@ -122,6 +124,7 @@ def test_hold_and_position_during_a_ride_and_back() -> None:
     assert record.delta_work[3500] == pytest.approx(record.delta_work[2752], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_position_follows_its_trajectory() -> None:
     """A sine of 1 Hz: the loop's lag of 2 zeta / omega + dead time of 7 ms is 0.5 mm of 10 mm."""
     settings = {"operating_mode": "position", "trajectory.center": -0.05, "trajectory.duration": 4.0}
@@ -136,6 +139,7 @@ def test_position_follows_its_trajectory() -> None:
 
 
 @pytest.mark.parametrize("cause", ["emergency stop", "load cell", "saturation"])
+@pytest.mark.slow
 def test_a_stop_ends_clear_of_the_pantograph_whatever_the_cause(cause: str) -> None:
     def strike(loop: ClosedLoop) -> None:
         state = loop.rig.state

@@ -96,6 +96,7 @@ NODE = {
 
 
 @pytest.mark.parametrize(("builds", "changes", "content", "words"), REFUSED)
+@pytest.mark.slow
 def test_what_a_node_cannot_be_built_from_is_refused_before_the_start(tmp_path, builds, changes, content, words):
     changes = {k: v.replace("FOLDER", str(tmp_path)) if isinstance(v, str) else v for k, v in changes.items()}
     for name in ("way.csv", "limits.yaml"):

@@ -59,6 +59,7 @@ def test_an_empty_name_is_no_rig_and_no_folder(capsys):
     assert "an empty name is no folder" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_rig_rides_as_fast_as_the_catenary_says(tmp_path):
     def speed(settings):
         return settings["test_rig_sim"]["speed_kmh"]
@@ -210,6 +211,7 @@ def test_only_what_a_ride_left_is_replaced_and_only_when_asked(tmp_path):
     assert clear(tmp_path, overwrite=False)
 
 
+@pytest.mark.slow
 def test_wrong_parameters_stop_the_command_with_one_line(tmp_path):
     command = [sys.executable, "-m", "ride", "--speed-kmh", "4000", "--out", str(tmp_path / "ride")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)

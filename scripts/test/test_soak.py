@@ -158,6 +158,7 @@ def test_a_node_that_falls_behind_is_found(tmp_path):
 
 
 @given(st.integers(1, 9), st.integers(0, 8), st.sampled_from([0.0, 0.01]))
+@pytest.mark.slow
 def test_where_batches_begin_is_no_drift_and_hides_none(many, shift, drift):
     """Batches of ``many`` messages that begin elsewhere from the middle of the ride on."""
     cycles = np.arange(6_000)
@@ -223,7 +224,7 @@ def test_wrong_options_are_one_line(arguments, capsys):
 
 
 @pytest.mark.integration
-def test_a_minute_of_a_ride_holds(tmp_path):
+def test_half_a_minute_of_a_ride_holds(tmp_path):
     out, file = tmp_path / "soak", tmp_path / "soak.json"
     began = time.monotonic()
     done = subprocess.run(
@@ -232,7 +233,7 @@ def test_a_minute_of_a_ride_holds(tmp_path):
             "-m",
             "soak",
             "--minutes",
-            "1",
+            "0.5",
             "--mode",
             "lockstep",
             "--out",
@@ -254,6 +255,6 @@ def test_a_minute_of_a_ride_holds(tmp_path):
     assert wrong.keys() == growth.keys(), done.stdout
     assert all(found is None or found < 8.0 for found in growth.values()), (wrong, time.monotonic() - began)
     assert {one["messages"] for one in document["streams"] if one["topic"].endswith(("rig_sim/state", "command"))} == {
-        30_000
+        15_000
     }
     assert document["viewers"]["messages"] > 0 and (out / "memory.png").stat().st_size > 10_000

@@ -183,6 +183,7 @@ def test_a_ride_that_was_lost_has_only_its_time() -> None:
 
 @pytest.mark.parametrize("kind", impedance.KINDS)
 @pytest.mark.parametrize("height", [-0.04, 0.0, 0.06])
+@pytest.mark.slow
 def test_with_and_without_a_rig_the_static_force_is_the_same_at_any_height(kind: str, height: float) -> None:
     """K y = f_up - e_head k (y_head - w) on one side, the rig's equilibrium on the other; rounding."""
     settings = impedance_ride.settings_of(Case(250, kind))
@@ -199,6 +200,7 @@ def test_with_and_without_a_rig_the_static_force_is_the_same_at_any_height(kind:
     assert height != 0.0 or of_rig == pytest.approx(rig.uplift_force, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_settings_of_a_case() -> None:
     plain = impedance_ride.settings_of(Case(160, "three_mass", "nominal", INTEGRATED))
     assert plain["catenary_model"]["speed_kmh"] == plain["test_rig_sim"]["speed_kmh"] == 160.0
@@ -210,6 +212,7 @@ def test_settings_of_a_case() -> None:
     assert slower["impedance_mpc"] == plain["impedance_mpc"]
 
 
+@pytest.mark.slow
 def test_the_slower_rig_is_slower_by_thirty_per_cent() -> None:
     """Identified as the controller's model is, which is good to some per cent; as well damped: the same kind of rig."""
     plain, slower = (
@@ -220,6 +223,7 @@ def test_the_slower_rig_is_slower_by_thirty_per_cent() -> None:
     assert slower.damping == pytest.approx(plain.damping, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_drive_that_leaves_ends_the_ride(monkeypatch: pytest.MonkeyPatch) -> None:
     """The contact point rises by centimetres: where 10 mm are beyond the loop the ride ends; a trip is only noted."""
     settings = impedance_ride.settings_of(Case(250, "en50318"))
@@ -236,6 +240,7 @@ def test_a_drive_that_leaves_ends_the_ride(monkeypatch: pytest.MonkeyPatch) -> N
     assert abs(short.w).max() <= 0.01 < abs(whole.w[short.cycles])
 
 
+@pytest.mark.slow
 def test_the_controller_s_own_books_are_those_of_the_harness() -> None:
     """The same sums in another order of additions, and both sides' meters; forces and velocities of one instant."""
     ride = impedance_ride.closed_loop(Case(250, "en50318"), 2.0)
@@ -308,6 +313,7 @@ def test_velocity_against_a_cascade_that_swings_or_is_lost() -> None:
     assert judged(case, some(left=3.0))["trips of the rig"] is False
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same() -> None:
     cases = [Case(250, "en50318")]
     timed = {"program": 0.0, "program_p99": 0.0, "controller": 0.0}
@@ -318,6 +324,7 @@ def test_another_process_gives_the_same() -> None:
         assert repr(replace(ours.figures, **timed)) == repr(replace(theirs.figures, **timed))
 
 
+@pytest.mark.slow
 def test_shortened_run(tmp_path: Path) -> None:
     """One ride of 4 s, evaluated over its one whole span: the force is that without a rig, within a few newtons."""
     outcome = impedance.run(True, tmp_path, lambda _: None)

@@ -107,6 +107,7 @@ def test_a_lost_dropper_and_growing_energy_are_seen() -> None:
     }
 
 
+@pytest.mark.slow
 def test_short_long_ride() -> None:
     """The machinery of the long rides on 15 s of random force: statistics of what was asked, no dropper missing."""
     case, found = longrun.long_ride(250, 10.0, 2, True, 0.0, 5.0, lambda _: None)
@@ -148,6 +149,7 @@ def test_a_difference_that_stays_or_grows_fails() -> None:
         assert {row.name for row in rows if row.holds is False} >= {"left of it after 10 s", "left of it after 20 s"}
 
 
+@pytest.mark.slow
 def test_disturbances_of_a_ride() -> None:
     """What was asked for happens: contact lost for 0.1 s at least, 100 N lift the wire by some 10 mm, a gap by less."""
     lost, step, held = disturbances.coupled_disturbances(config(250, 2), pantograph("three_mass", 144.0), 2.0)

@@ -99,6 +99,7 @@ def test_loss_of_contact_is_counted_before_the_filter() -> None:
     assert en50318.values(record)[-1] == pytest.approx(100.0 * 2 / 2000)
 
 
+@pytest.mark.slow
 def test_quick_run_of_the_reference_model() -> None:
     """All 16 rows with their ranges; they hold at the shortened run's coarser mesh as well."""
     outcome = en50318.run(True, None, lambda _: None)

@@ -91,6 +91,7 @@ def test_goals_go_to_the_cases_that_they_are_for() -> None:
     assert set(slow.values()) == {""}
 
 
+@pytest.mark.slow
 def test_shortened_run(tmp_path: Path) -> None:
     """Mean force as wanted (0.2 N: the reference rides it too); errors as in full runs, half as much for chance."""
     outcome = realtime.run(True, tmp_path, lambda _: None)

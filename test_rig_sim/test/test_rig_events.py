@@ -77,6 +77,7 @@ def test_uplift_force_can_be_changed_while_riding(rig_parameters: Any) -> None:
     raised=st.lists(st.floats(0.0, 3.0), max_size=3),
     air=st.floats(0.0, 60.0),
 )
+@pytest.mark.slow
 def test_lift_never_jumps(
     rig_parameters: Any, force: float, changes: list[tuple[float, float]], raised: list[float], air: float
 ) -> None:

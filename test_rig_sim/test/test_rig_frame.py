@@ -103,6 +103,7 @@ def test_stops_only_push_and_only_beyond(h: float, v: float) -> None:
     frequency=st.floats(0.1, 8.0),
 )
 @settings(max_examples=60)
+@pytest.mark.slow
 def test_friction_and_stops_take_energy_on_every_closed_path(
     amplitude: list[float], phase: list[float], frequency: float
 ) -> None:
@@ -150,6 +151,7 @@ def energy(p: Pantograph, x: Array, lift: float) -> float:
     lift=st.floats(0.0, 200.0),
 )
 @settings(max_examples=40, deadline=None)
+@pytest.mark.slow
 def test_the_pantograph_creates_no_energy(
     rig_parameters: Any, place: tuple[float, float], speed: tuple[float, float], lift: float
 ) -> None:

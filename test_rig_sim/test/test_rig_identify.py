@@ -58,6 +58,7 @@ def test_linear_rig_is_a_pt2(rig_parameters: Any, perfect: dict[str, Any]) -> No
 
 
 @pytest.mark.parametrize("steps", [1, 5, 12])
+@pytest.mark.slow
 def test_delay_of_the_rig_is_found(rig_parameters: Any, perfect: dict[str, Any], steps: int) -> None:
     # Whole inner steps of actuation delay, above 10 more than a cycle, are the dead time that comes out.
     changes = {**perfect, "imperfections.delay": True, "drive.delay": steps}

@@ -321,6 +321,7 @@ OWN = {
 
 @given(STEPS, st.booleans(), st.sampled_from(["hold", "position", "impedance"]))
 @settings(max_examples=150)
+@pytest.mark.slow
 def test_whatever_happens_the_reference_makes_no_jump_and_nothing_rearms(
     steps: list[tuple[str, float]], touching: bool, operation: str
 ) -> None:

@@ -206,6 +206,7 @@ def test_a_frame_that_nothing_holds_finds_no_rest() -> None:
 
 
 @pytest.mark.parametrize("name", ["en50318", "state_space"])
+@pytest.mark.slow
 def test_car_body_reaches_the_head_as_the_closed_form_says(rig_parameters: Any, name: str) -> None:
     # head / base of two masses: (d0 s + k0)(d1 s + k1) / det(M s^2 + D s + K). Without contact. After 30 s the slowest
     # pole (0.68 1/s) has left 1e-9; holding the base within 0.2 ms costs (w h)^2 / 24 = 1e-7 of the amplitude.
@@ -238,6 +239,7 @@ def test_aerodynamic_lift_goes_with_the_square_of_the_speed(rig_parameters: Any,
     assert rig.state.f_contact == pytest.approx(120.0 + 0.008 * (speed / 3.6) ** 2, abs=0.05)
 
 
+@pytest.mark.slow
 def test_contact_lost_and_found_is_symmetric_in_time() -> None:
     # One mass without friction under a constant lift F, thrown off a fixed drive at speed v: free flight of
     # 2 m v / F, back at the same speed, then the contact spring throws it off again after less than a period. A change

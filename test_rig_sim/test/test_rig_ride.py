@@ -22,6 +22,7 @@ def samples(rig: Rig, cycles: int) -> list[RigSample]:
 
 @pytest.mark.parametrize("name", PANTOGRAPHS)
 @pytest.mark.parametrize("force", [70.0, 120.0, 180.0])
+@pytest.mark.slow
 def test_mean_contact_force_of_a_resting_drive_is_the_uplift_force(
     rig_parameters: Any, name: str, force: float
 ) -> None:

@@ -19,6 +19,7 @@ PERIOD = 2e-4
 
 
 @pytest.mark.parametrize("name", PANTOGRAPHS)
+@pytest.mark.slow
 def test_integration_agrees_with_solve_ivp(rig_parameters: Any, name: str) -> None:
     # Head lands on the drive at 0.5 m/s and bounces, drive is pushed by a current and shakes the structure. Each change
     # of contact costs the fixed step up to k v h^2 / m = 4e-5 m/s of speed in the worst case; 1 um and 0.1 mm/s are

@@ -218,6 +218,7 @@ EVENTS = st.lists(
 
 @given(EVENTS)
 @settings(max_examples=100)
+@pytest.mark.slow
 def test_nothing_leaves_retracting_but_to_stopped_and_references_stay_within_limits(
     events: list[tuple[str, float]],
 ) -> None:

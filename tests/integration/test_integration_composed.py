@@ -87,6 +87,7 @@ def test_with_finite_differences_the_numbers_are_the_same_too(ride):
     assert_same(rides[1].out / "bag", rides[0].out / "bag")
 
 
+@pytest.mark.alone
 def test_the_nodes_are_seen_asked_and_alone_on_the_machine_and_an_interrupt_ends_them_in_order(
     ride, node_environment, leftovers
 ):
@@ -145,6 +146,7 @@ def test_the_end_of_the_process_ends_the_ride_with_one_clear_line_and_the_bag_is
     assert until(lambda: leftovers(going.out) == [])
 
 
+@pytest.mark.alone
 def test_who_shuts_one_node_down_ends_all_and_is_told(ride, node_environment):
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState

@@ -12,6 +12,7 @@ import pytest
 pytestmark = pytest.mark.integration
 
 
+@pytest.mark.alone
 def test_a_killed_controller_retracts_the_drive_and_joins_again(tmp_path: Path, node_environment) -> None:
     table = tmp_path / "faults.json"
     command = [sys.executable, "-m", "faults", "kill-impedance_mpc", "--json", str(table)]

@@ -189,6 +189,7 @@ def test_a_ride_on_finite_differences(lockstep_ride, ride):
     assert max(once.values()) > 5e-3  # the pantograph has lifted the wire
 
 
+@pytest.mark.alone
 def test_ctrl_c_leaves_a_readable_bag_a_report_and_no_process(ride, leftovers):
     before = snapshot()
     going = ride("--duration", "0")
@@ -229,6 +230,7 @@ def test_a_killed_run_script_takes_everything_with_it_and_the_bag_is_readable(ri
     assert len(read_bag(going.out / "bag").tables["/test_rig_sim/state"]) > 100
 
 
+@pytest.mark.alone
 def test_real_time_follows_the_clock(ride):
     # A machine with other work to do may hold the loop up for longer than a rig would bear: not what is tested here.
     held = "test_rig_sim.late_limit=1000"

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from client import Client
 
-pytestmark = pytest.mark.integration
+pytestmark = [pytest.mark.integration, pytest.mark.alone]
 
 NODES = ("catenary_model", "impedance_mpc", "test_rig_sim", "energy_monitor")
 CATENARY, CONTROLLER, RIG, MONITOR = NODES

@@ -110,6 +110,7 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.slow
 def test_a_damaged_file_is_made_again(package: Callable[..., ModuleType], tmp_path: Path, damage: str) -> None:
     assert package().outer(1.0) == 2.0
     whole = kept(tmp_path)
@@ -133,6 +134,7 @@ def test_signatures_lie_in_files_of_their_own(package: Callable[..., ModuleType]
     assert both.outer(1.0) == 2.0 and both.outer(np.ones(2)).tolist() == [2.0, 2.0] and hits(both) == 2
 
 
+@pytest.mark.slow
 def test_a_file_of_another_signature_is_not_taken(package: Callable[..., ModuleType], tmp_path: Path) -> None:
     module = package()
     module.outer(1.0)
@@ -178,6 +180,7 @@ def test_kernels_of_other_packages_count(tmp_path: Path) -> None:
     assert {path.name for path in catenary_model.step.substep._cache._sources} == {"catenary_model"}
 
 
+@pytest.mark.slow
 def test_where_kernels_lie(tmp_path: Path) -> None:
     # In processes of their own: the place is found once. HOME in /proc cannot be made by anybody.
     code = "from phil_base.kernels import _place; print(_place())"

@@ -217,6 +217,7 @@ files = st.lists(
 
 @settings(max_examples=60)
 @given(files, st.sampled_from(["", "/ns"]))
+@pytest.mark.slow
 def test_any_file_means_the_same(context, tmp_path_factory, content, namespace):
     check(context, tmp_path_factory.getbasetemp(), content, namespace=namespace)
 

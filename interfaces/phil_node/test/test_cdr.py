@@ -63,6 +63,7 @@ def filled(kind: Any, frame: str, sizes: dict[str, int], draw: Any) -> Any:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 @given(data=st.data())
+@pytest.mark.slow
 def test_plan_and_rclpy_read_and_write_the_same(kind: Any, data: Any) -> None:
     """Exact: the same bytes out of the plan, and the same values out of rclpy's bytes."""
     frame, sizes = KINDS[kind]
@@ -88,6 +89,7 @@ def test_plan_and_rclpy_read_and_write_the_same(kind: Any, data: Any) -> None:
 
 
 @given(data=st.data(), sizes=st.lists(st.integers(0, 9), min_size=6, max_size=6))
+@pytest.mark.slow
 def test_arrays_of_changing_lengths_are_written_as_rclpy_does(data: Any, sizes: list[int]) -> None:
     """Exact: one writer, whatever the lengths of the message before."""
     kind, names = messages.WireShape, tuple(KINDS[messages.WireShape][1])
@@ -134,6 +136,7 @@ def test_message_without_fixed_places_has_no_plan(kind: Any) -> None:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 @given(data=st.data())
+@pytest.mark.slow
 def test_a_copy_of_a_written_message_has_its_content_and_a_life_of_its_own(kind: Any, data: Any) -> None:
     """A rig of one's own changes a message on its way out; the original is not to know."""
     frame, sizes = KINDS[kind]

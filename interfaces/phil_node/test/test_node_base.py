@@ -96,6 +96,7 @@ def bench() -> Iterator[Callable[..., Bench]]:
         one.close()
 
 
+@pytest.mark.slow
 def test_requests_that_wait_while_the_design_goes_are_answered(bench: Callable[..., Bench]) -> None:
     """Clean-up and a rebuild with requests, messages and ticks in the queue: each is answered, none ends the node."""
     one = bench()
@@ -133,6 +134,7 @@ def test_requests_that_wait_while_the_design_goes_are_answered(bench: Callable[.
             }
 
 
+@pytest.mark.slow
 def test_who_follows_late_has_all_that_was_kept_and_what_comes_then(bench: Callable[..., Bench]) -> None:
     """Each once and in order, though it is published while the kept ones are handed over."""
     one = bench()

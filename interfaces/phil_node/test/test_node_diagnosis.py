@@ -66,6 +66,7 @@ def test_a_node_says_why_it_refused_until_it_did_not(mute: Mute) -> None:
     assert (found.level, found.message) == (OK, "configured")
 
 
+@pytest.mark.slow
 def test_a_node_to_which_nothing_comes_is_stale_but_an_error_stays_one(mute: Mute) -> None:
     mute.fault = ""
     mute.trigger_configure()
