@@ -26,8 +26,9 @@ case "$#,${1:-}" in
     echo "== mypy" && mypy || status=1
     echo "== pytest"
     python -m pytest "${workers[@]}" --dist loadfile -m "not integration" || status=1
-    # Each worker has ROS domains of its own. More rides at a time than cores for them would only wait for each other.
-    python -m pytest -n 2 --dist loadgroup -m "integration and not alone" || status=1
+    # Each worker has ROS domains of its own, and rides once for all tests of a file. Rides in lockstep wait for each other
+    # when there are more of them than cores.
+    python -m pytest -n 2 --dist loadfile -m "integration and not alone" || status=1
     python -m pytest -m "integration and alone" || status=1
     ;;
   1,--fast)

@@ -86,6 +86,7 @@ def test_state_without_an_answer_is_repeated(ride: Any) -> None:
     assert found.rig.timing.stale == 0
 
 
+@pytest.mark.alone
 def test_realtime_ride_of_a_silent_partner_is_bridged_held_and_retracted(ride: Any) -> None:
     found = ride(lambda k: sine(k) if k < 20 else None, mode="realtime", duration=10.0, late_limit=10)
     found.run()
@@ -197,6 +198,7 @@ def test_commands_of_an_old_plan_are_followed_until_the_solver_has_failed_for_to
 
 
 @pytest.mark.parametrize("speaking", [True, False], ids=["commands go on", "nobody answers"])
+@pytest.mark.alone
 def test_realtime_emergency_stop_comes_to_rest_while_the_node_stays_active(ride: Any, speaking: bool) -> None:
     found = ride(lambda k: sine(k) if speaking else None, mode="realtime", duration=0.0)
     found.run(until=lambda: len(found.states) >= (80 if speaking else 1))

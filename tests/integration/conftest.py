@@ -11,20 +11,6 @@ from pathlib import Path
 
 import pytest
 
-SHARED = ("lockstep_ride", "composed_ride", "stand", "processes")
-"""Fixtures that start nodes once for many tests: a test that looks at them belongs to the worker that has them."""
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep tests that share nodes on one worker, where several run; the others go wherever one is free."""
-    if not config.pluginmanager.hasplugin("xdist"):
-        return
-    for item in items:
-        shared = [name for name in SHARED if name in getattr(item, "fixturenames", ())]
-        if shared:
-            group = "rides" if shared[0].endswith("_ride") else shared[0]
-            item.add_marker(pytest.mark.xdist_group(group))
-
 
 def processes_of(out: Path) -> list[int]:
     """List the processes whose command line names the folder of a ride."""
