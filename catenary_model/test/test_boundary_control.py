@@ -18,7 +18,7 @@ from catenary_model.boundary.springs import Spring, frozen
 from catenary_model.boundary.stability import Stepper, growth_per_period, spectral_radius
 from catenary_model.line import CARRIER_3_1, CONTACT_3_1, Line
 from catenary_model.moving_frame import CARRIER, CONTACT, Mesh, MovingFrame, assemble
-from catenary_model.sources import digest
+from phil_base.cache import digest
 
 FAST = 320.0 / 3.6
 BAND = np.arange(0.5, 30.1, 0.5)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +13,22 @@ import numpy as np
 from catenary_model.absorbing.design import DEMANDS, SWEEP, Demands, Design, Sweep, design, design_pair, read_design
 from catenary_model.absorbing.stencil import Stencil
 from catenary_model.absorbing.weighting import Weighting
-from catenary_model.sources import digest, user_cache
+from phil_base import cache
+from phil_base.atomic import whole
 
 SOURCES = (Path(__file__).parent,)
 """Code that makes a design what it is; a digest of it is part of every key."""
 
 
 def default_folder() -> Path:
-    """Folder of the user's cache: $XDG_CACHE_HOME or ~/.cache, and below it `absorbing_boundaries`."""
-    return user_cache() / "absorbing_boundaries"
+    """Folder of the designs among what is kept between runs, see `phil_base.cache`."""
+    return cache.folder("absorbing")
 
 
 def key(stencil: Stencil, *inputs: Any) -> str:
     """Hash of everything that a design depends on; numbers count to 12 digits, so that rounding does not matter."""
     numbers = [*stencil.offsets.ravel().tolist(), *_rounded(stencil.coefficients), *_rounded((*stencil.dx, stencil.dt))]
-    text = json.dumps([digest(*SOURCES), numbers, *inputs])
+    text = json.dumps([cache.digest(*SOURCES), numbers, *inputs])
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
@@ -100,11 +101,8 @@ def _read(path: Path) -> Design | None:
 
 
 def _write(path: Path, made: Design) -> None:
-    """Write beside the place and move there: two runs at once never leave half a file. A full disk is no error."""
-    beside = path.with_suffix(f".{os.getpid()}.part")
-    try:
+    """Write the file; a full disk is no error."""
+    with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        made.write(beside)
-        beside.replace(path)
-    except OSError:
-        beside.unlink(missing_ok=True)
+        with whole(path) as draft:
+            made.write(draft)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from catenary_model import absorbing
 from catenary_model.absorbing import BoundaryStencil, Stencil, cache, stability
-from catenary_model.boundary.control_design.cache import folder
 from catenary_model.config import Config
 from catenary_model.line import Wire
 
@@ -37,11 +36,11 @@ ROUNDING = 1e-9
 
 def _absorbing(config: Config, wire: Wire, stencil: Stencil) -> Pair:
     weighting = absorbing.band(*BAND, OUTSIDE)
-    n_x, n_t, kept = config.grid_boundary_nodes, config.grid_boundary_levels, folder() / "absorbing"
+    n_x, n_t = config.grid_boundary_nodes, config.grid_boundary_levels
     try:
-        left, right = cache.cached_pair(stencil, n_x, n_t, weighting, sweep=FIRST, folder=kept)
+        left, right = cache.cached_pair(stencil, n_x, n_t, weighting, sweep=FIRST)
     except ValueError:
-        left, right = cache.cached_pair(stencil, n_x, n_t, weighting, sweep=FURTHER, folder=kept)
+        left, right = cache.cached_pair(stencil, n_x, n_t, weighting, sweep=FURTHER)
     return left.boundary, right.boundary
 
 

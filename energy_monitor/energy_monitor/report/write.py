@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,6 +18,7 @@ from energy_monitor.report.document import document_text, write_document
 from energy_monitor.report.results import Report
 from energy_monitor.report.ride_parameters import parameters_of
 from energy_monitor.report.verdicts import STANDARD, Limits, read_limits
+from phil_base.atomic import whole
 from phil_base.clear_words import clear
 from phil_base.parameters import ParameterError, defaults
 
@@ -89,29 +88,6 @@ def write_report(
         named = error.filename or ("standard output" if str(json_file) == "-" else out_dir or "the report")
         raise ReportError(f"{named}: {error.strerror or error}") from error
     return report
-
-
-@contextmanager
-def whole(path: Path) -> Iterator[Path]:
-    """Give a temporary name beside `path` to write to; it takes the place of `path` only if nothing went wrong.
-
-    Raises
-    ------
-    OSError
-        Writing failed; it names `path`.
-    """
-    special = path.exists() and not path.is_file()  # /dev/null, a pipe: never to be replaced
-    draft = path if special else path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        yield draft
-        if not special:
-            draft.replace(path)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
-    finally:
-        if not special:
-            with suppress(OSError):
-                draft.unlink(missing_ok=True)
 
 
 def _write_pictures(report: Report, out: Path) -> None:

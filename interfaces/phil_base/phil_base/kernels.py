@@ -40,6 +40,9 @@ from numba.core import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
 
+from phil_base import cache as places
+from phil_base.atomic import whole
+
 KEPT = 12
 """Folders of a package that are kept: so many states of its sources, the last ones used."""
 IN_USE = 3600.0
@@ -154,17 +157,10 @@ def _unpack(content: bytes) -> Any:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write beside the place and move: a reader sees the whole file or none."""
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        if path.is_dir():
-            _remove(path)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    if path.is_dir():
+        _remove(path)
+    with whole(path) as draft:
+        draft.write_bytes(content)
 
 
 def _remove(path: Path) -> None:
@@ -285,12 +281,12 @@ def _place() -> Path:
 def _wanted() -> Path | None:
     if config.CACHE_DIR:
         return Path(config.CACHE_DIR).absolute()
-    given = os.environ.get("PHIL_CACHE")
-    return Path(given).absolute() / "kernels" if given else None
+    given = places.given()
+    return given / "kernels" if given else None
 
 
 def _home() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "phil-catenary" / "kernels"
+    return places.user_cache() / places.OURS / "kernels"
 
 
 def _temporary() -> Path:

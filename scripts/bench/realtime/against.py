@@ -11,6 +11,7 @@ from pathlib import Path
 
 from bench.realtime.options import WrongUse
 from bench.realtime.session import Build
+from phil_base.cache import folder
 from phil_base.workspace import workspace
 
 ROOT = workspace()
@@ -47,10 +48,7 @@ def revision(text: str) -> str:
 
 def cache() -> Path:
     """Give the folder in which such builds are kept, beside the compiled kernels."""
-    own = os.environ.get("PHIL_CACHE")
-    if own:
-        return Path(own) / "against"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "phil-catenary" / "against"
+    return folder("against")
 
 
 def checked_out(sha: str) -> Path:

@@ -1,6 +1,6 @@
 """Designs on disk, found by what they were designed for.
 
-They lie in $PHIL_CACHE, else in $XDG_CACHE_HOME/phil-catenary, else in ~/.cache/phil-catenary, one .npz a design. A
+They lie in the folder of `phil_base.cache`, one .npz a design. A
 file that cannot be read, or that was made for something else or by other sources, is made anew; a folder that cannot
 be written is no error, the design is only slower the next time.
 """
@@ -10,28 +10,20 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model.sources import digest, user_cache
+from phil_base.atomic import whole
+from phil_base.cache import digest, folder
 
 Array = NDArray[np.float64]
 
 _BOUNDARY = Path(__file__).parents[1]
 SOURCES = (_BOUNDARY, _BOUNDARY.parent / "moving_frame.py")
 """Code that makes a design what it is: what it made before it was changed is not taken any more."""
-
-
-def folder() -> Path:
-    """Return where designs are kept; it need not exist."""
-    if given := os.environ.get("PHIL_CACHE"):
-        return Path(given)
-    return user_cache() / "phil-catenary"
 
 
 def cached(
@@ -55,18 +47,13 @@ def _read(path: Path, key: str) -> dict[str, Array] | None:
     except Exception:  # whatever a damaged archive raises (NotImplementedError, RuntimeError, ...): it is made anew
         return None
     made_for, names = stored.pop("key", None), stored.pop("names", None)
-    whole = made_for is not None and str(made_for) == key and names is not None and set(names.tolist()) == set(stored)
-    return stored if whole else None
+    complete = (
+        made_for is not None and str(made_for) == key and names is not None and set(names.tolist()) == set(stored)
+    )
+    return stored if complete else None
 
 
 def _write(path: Path, key: str, stored: dict[str, Array]) -> None:
-    """Write beside the place and move: a reader sees the whole file or none, also if two write at once."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, key=np.array(key), names=np.array(list(stored)), **stored)  # type: ignore[arg-type]
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with whole(path) as draft, draft.open("wb") as file:
+        np.savez(file, key=np.array(key), names=np.array(list(stored)), **stored)  # type: ignore[arg-type]
