@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from phil_base.kernels import njit
+from phil_base.newmark import step_matrix
 
 Array = NDArray[np.float64]
 
@@ -101,7 +102,7 @@ def constants(pantograph: Pantograph, ts: float, beta: float, gamma: float) -> C
     """Prepare a pantograph for steps of ts (s) with Newmark's beta and gamma, see `catenary_model.wires`."""
     M, D, K = pantograph.mass, pantograph.damping, pantograph.stiffness
     compliance = 0.0 if math.isinf(pantograph.contact_stiffness) else 1.0 / pantograph.contact_stiffness
-    inverse = np.asarray(np.linalg.inv(M + gamma * ts * D + beta * ts**2 * K), dtype=np.float64)
+    inverse = np.asarray(np.linalg.inv(step_matrix(M, D, K, ts, beta, gamma)), dtype=np.float64)
     real = np.array([ts, beta, gamma, compliance])
     return Constants(real, D.copy(), K.copy(), inverse, pantograph.uplift.copy())
 

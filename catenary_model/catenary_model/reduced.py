@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from catenary_model.boundary import Layer, impose
 from catenary_model.line import Wire
 from catenary_model.moving_frame import CONTACT, Mesh, assemble, dense
+from phil_base import newmark
 
 Matrix = NDArray[np.float64]
 
@@ -70,17 +71,9 @@ def reduce(mesh: Mesh, wire: Wire, speed: float, half_length: float) -> ReducedM
 def discretise(
     model: ReducedModel, ts: float, beta: float = NEWMARK_BETA, gamma: float = NEWMARK_GAMMA
 ) -> tuple[Matrix, Matrix, Matrix]:
-    """Newmark's step, see `wires`, as x(k+1) = A_cat x(k) + B_cat f_cat + B_held f_held, x = (q, q', q'') (3.40).
+    """Newmark's step as x(k+1) = A_cat x(k) + B_cat f_cat + B_held f_held, x = (q, q', q'') (3.40).
 
     Returns A_cat (3n, 3n), B_cat (3n,), B_held (3n, n). ts is in s; forces are those of the new instant.
     """
-    n = model.n
-    one, zero = np.eye(n), np.zeros((n, n))
-    K_DM = model.M + gamma * ts * model.D + beta * ts**2 * model.K
-    q = np.hstack([one, ts * one, ts**2 * (0.5 - beta) * one])
-    v = np.hstack([zero, one, ts * (1 - gamma) * one])
-    a = np.linalg.solve(K_DM, -model.D @ v - model.K @ q)
-    per_force = np.linalg.inv(K_DM)
-    A = np.vstack([q + beta * ts**2 * a, v + gamma * ts * a, a])
-    B_held = np.vstack([beta * ts**2 * per_force, gamma * ts * per_force, per_force])
+    A, B_held = newmark.state_space(model.M, model.D, model.K, ts, beta, gamma)
     return A, B_held @ model.b, B_held

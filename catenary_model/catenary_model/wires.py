@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model.moving_frame import MovingFrame
+from phil_base import newmark
 from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ class Factors:
 
 def step_matrix(frame: MovingFrame, ts: float, beta: float, gamma: float) -> Array:
     """K_DM (3.22) of both wires in compact form, (4 stations, 6); ts in s."""
-    return frame.mass + gamma * ts * frame.damping + beta * ts**2 * frame.stiffness
+    return newmark.step_matrix(frame.mass, frame.damping, frame.stiffness, ts, beta, gamma)
 
 
 def factor(frame: MovingFrame, ts: float, beta: float, gamma: float) -> Factors:

@@ -14,6 +14,7 @@ import numpy as np
 from impedance_mpc.controller import EnvironmentReading
 from impedance_mpc.environment_parameters import MassSpringDamper, ReducedEnvironment
 from impedance_mpc.plant import Impedance, newmark_state_space
+from phil_base import newmark
 
 
 class Environment(Protocol):
@@ -94,9 +95,9 @@ class LinearEnvironment:
 
     def __init__(self, model: Impedance) -> None:
         self.model = model
-        n, dt, beta, gamma = model.n, model.ts, model.newmark_beta, model.newmark_gamma
+        n, step = model.n, (model.ts, model.newmark_beta, model.newmark_gamma)
         try:
-            k_dm = np.linalg.inv(model.mass + gamma * dt * model.damping + beta * dt**2 * model.stiffness)
+            k_dm = np.linalg.inv(newmark.step_matrix(model.mass, model.damping, model.stiffness, *step))
             shape = np.linalg.solve(model.stiffness, model.input)
             self._inverse_mass = np.linalg.inv(model.mass)
         except np.linalg.LinAlgError:
@@ -141,7 +142,7 @@ class LinearEnvironment:
         )
 
     def step(self, force: float) -> None:
-        """One Newmark step; work and impulse are trapezoids of it."""
+        """One Newmark step, in place (3.19 to 3.23, see `phil_base.newmark`); work and impulse are trapezoids of it."""
         model, n, dt = self.model, self.model.n, self.model.ts
         beta, gamma = model.newmark_beta, model.newmark_gamma
         q, qd, qdd, new = self._q, self._qd, self._qdd, self._scratch

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from phil_base import newmark
+
 Array = NDArray[np.float64]
 
 
@@ -185,21 +187,13 @@ def newmark_state_space(model: Impedance) -> NewmarkModel:
     ValueError
         K_DM = M + gamma dt D + beta dt^2 K is singular.
     """
-    n, dt, beta, gamma = model.n, model.ts, model.newmark_beta, model.newmark_gamma
-    one = np.eye(n)
-    zero = np.zeros((n, n))
-    # Predictors of (3.19, 3.20): q and q' before the new acceleration is added.
-    displacement = np.hstack([one, dt * one, dt**2 * (0.5 - beta) * one])
-    velocity = np.hstack([zero, one, dt * (1.0 - gamma) * one])
-    k_dm = model.mass + gamma * dt * model.damping + beta * dt**2 * model.stiffness
+    n = model.n
     try:
-        inverse = np.linalg.inv(k_dm)
+        a, b_force = newmark.state_space(
+            model.mass, model.damping, model.stiffness, model.ts, model.newmark_beta, model.newmark_gamma
+        )
     except np.linalg.LinAlgError:
         raise ValueError("impedance model: M + gamma dt D + beta dt^2 K is singular") from None
-    acceleration = -inverse @ (model.damping @ velocity + model.stiffness @ displacement)
-    gain = np.vstack([beta * dt**2 * one, gamma * dt * one, one])
-    a = np.vstack([displacement, velocity, np.zeros((n, 3 * n))]) + gain @ acceleration
-    b_force = gain @ inverse
     c = np.zeros((2, 3 * n))
     c[0, :n] = model.output
     c[1, n : 2 * n] = model.output

@@ -17,6 +17,7 @@ from catenary_model.boundary.layer import BEHIND, Feedback, Layer
 from catenary_model.boundary.springs import Spring, elongations, frozen
 from catenary_model.line import Line
 from catenary_model.moving_frame import CARRIER, CONTACT, MovingFrame, dense
+from phil_base import newmark
 
 Array = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ def spectral_radius(
 ) -> float:
     """Return the spectral radius of the closed loop, springs frozen where they are.
 
-    Newmark's step, see `catenary_model.wires`. Dense, so for short domains: 200 stations with both wires take about a
+    Newmark's step. Dense, so for short domains: 200 stations with both wires take about a
     second. Without springs the wires do not feel each other, and one of them may be left out.
     """
     M, D, K = (dense(compact) for compact in (frame.mass, frame.damping, frame.stiffness))
@@ -61,23 +62,22 @@ def spectral_radius(
     mine = np.isin(inputs, kept)
     at, F = np.searchsorted(kept, inputs[mine]), F[mine][:, :, kept]
     M, D, K = (matrix[np.ix_(kept, kept)] for matrix in (M, D, K))
-    n, u, ts, beta, gamma = kept.size, at.size, layer.ts, layer.beta, layer.gamma
+    n, u, step = kept.size, at.size, (layer.ts, layer.beta, layer.gamma)
     inverse = np.linalg.inv(M)
     # state (q, q', u of the step before): q'' follows from them, M q'' = u - D q' - K q
     q, q_t = np.eye(n, 2 * n + u), np.eye(n, 2 * n + u, n)
     q_tt = np.hstack((-inverse @ K, -inverse @ D, inverse[:, at]))
     held = np.einsum("ukn,knm->um", F, np.stack((q, q_t, q_tt)))
-    q_on = q + ts * q_t + ts**2 * (0.5 - beta) * q_tt
-    q_t_on = q_t + ts * (1.0 - gamma) * q_tt
+    q_on, q_t_on = newmark.predict(q, q_t, q_tt, *step)
     force = -D @ q_t_on - K @ q_on
     force[at] += held
-    q_tt_next = np.linalg.solve(M + gamma * ts * D + beta * ts**2 * K, force)
-    closed = np.vstack((q_on + beta * ts**2 * q_tt_next, q_t_on + gamma * ts * q_tt_next, held))
+    q_tt_next = np.linalg.solve(newmark.step_matrix(M, D, K, *step), force)
+    closed = np.vstack((*newmark.correct(q_on, q_t_on, q_tt_next, *step), held))
     return float(np.max(np.abs(np.linalg.eigvals(closed))))
 
 
 class Stepper:
-    """Newmark's step of both wires (see `catenary_model.wires`) with springs that may change; many states at once."""
+    """Newmark's step of both wires with springs that may change; many states at once."""
 
     def __init__(self, frame: MovingFrame, feedback: Feedback | None, layer: Layer, states: int = 1) -> None:
         """Start `states` states at rest."""
@@ -87,16 +87,15 @@ class Stepper:
         self.x = np.zeros((3, n, states))
         """(q, q', q'')."""
         self._D, self._K = (_banded(compact) for compact in (frame.damping, frame.stiffness))
-        ts, beta, gamma = layer.ts, layer.beta, layer.gamma
-        self._newmark = _banded(frame.mass) + gamma * ts * self._D + beta * ts**2 * self._K
+        self._step = layer.ts, layer.beta, layer.gamma
+        self._newmark = newmark.step_matrix(_banded(frame.mass), self._D, self._K, *self._step)
 
     def step(self, springs: Iterable[Spring] = (), force: Array | None = None) -> None:
         """Go on by one step; springs where they are at its end, force on every degree of freedom there, (n, states)."""
-        ts, beta, gamma = self.layer.ts, self.layer.beta, self.layer.gamma
+        ts, beta, _ = self._step
         q, q_t, q_tt = self.x
         held = np.einsum("ukn,kns->us", self.F, self.x)
-        q_on = q + ts * q_t + ts**2 * (0.5 - beta) * q_tt
-        q_t_on = q_t + ts * (1.0 - gamma) * q_tt
+        q_on, q_t_on = newmark.predict(q, q_t, q_tt, *self._step)
         right = -_times(self._D, q_t_on) - _times(self._K, q_on)
         if force is not None:
             right += force
@@ -109,7 +108,7 @@ class Stepper:
                 for j in range(8):
                     matrix[BAND + i - j, first + j] += beta * ts**2 * block[i, j]
         new = scipy.linalg.solve_banded((BAND, BAND), matrix, right, overwrite_ab=True, check_finite=False)
-        self.x = np.stack((q_on + beta * ts**2 * new, q_t_on + gamma * ts * new, new))
+        self.x = np.stack((*newmark.correct(q_on, q_t_on, new, *self._step), new))
 
 
 def growth_per_period(

@@ -16,13 +16,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from phil_base import newmark
 from phil_base.atomic import whole
 from phil_base.cache import digest, folder
 
 Array = NDArray[np.float64]
 
 _BOUNDARY = Path(__file__).parents[1]
-SOURCES = (_BOUNDARY, _BOUNDARY.parent / "moving_frame.py")
+SOURCES = (_BOUNDARY, _BOUNDARY.parent / "moving_frame.py", Path(newmark.__file__))
 """Code that makes a design what it is: what it made before it was changed is not taken any more."""
 
 

@@ -12,6 +12,7 @@ from catenary_model.boundary.matched_dashpot import matched_dashpot
 from catenary_model.boundary.reflection import end_of
 from catenary_model.line import Wire
 from catenary_model.moving_frame import Mesh, assemble
+from phil_base.newmark import state_space
 
 Array = NDArray[np.float64]
 
@@ -35,15 +36,8 @@ class Segment:
 
 
 def newmark(M: Array, D: Array, K: Array, step: Layer) -> tuple[Array, Array]:
-    """Return A (3 n, 3 n) and B (3 n, n) of Newmark's step, see `catenary_model.wires`, for x = (q, q', q'')."""
-    ts, beta, gamma = step.ts, step.beta, step.gamma
-    eye = np.eye(M.shape[0])
-    inverse = np.linalg.inv(M + gamma * ts * D + beta * ts**2 * K)
-    q = np.hstack((eye, ts * eye, ts**2 * (0.5 - beta) * eye))
-    q_t = np.hstack((0.0 * eye, eye, ts * (1.0 - gamma) * eye))
-    q_tt = -inverse @ (D @ q_t + K @ q)
-    A = np.vstack((q + beta * ts**2 * q_tt, q_t + gamma * ts * q_tt, q_tt))
-    return A, np.vstack((beta * ts**2 * inverse, gamma * ts * inverse, inverse))
+    """Return A (3 n, 3 n) and B (3 n, n) of Newmark's step for x = (q, q', q'')."""
+    return state_space(M, D, K, step.ts, step.beta, step.gamma)
 
 
 def segment(wire: Wire, h: float, speed: float, end: int, nodes: int, step: Layer) -> Segment:
