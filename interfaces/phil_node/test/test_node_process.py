@@ -55,3 +55,28 @@ def test_a_node_works_in_one_turn_until_something_ends_it(monkeypatch, happens):
 
 class Context:
     ok = True
+
+
+class Ended:
+    """A node when its process ends."""
+
+    def __init__(self, name: str, failure: BaseException | None = None, active: bool = False, over: bool = False):
+        self.full_name, self.failure, self.active = name, failure, active
+        self.finished = Future()
+        if over:
+            self.finished.set_result(None)
+
+
+def test_of_nodes_in_one_process_the_one_that_ended_all_is_named(capsys):
+    wrong = ZeroDivisionError("a cycle's mistake")
+    assert process._outcome([Ended("/one", active=True), Ended("/two", wrong)]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1] == "/two failed, and with it all nodes of its process: ZeroDivisionError: a cycle's mistake"
+    assert "Traceback" in said[0]
+    assert process._outcome([Ended("/one", active=True), Ended("/two", over=True)]) == 1
+    assert capsys.readouterr().err == "/two was shut down, and with it the other nodes of its process\n"
+    assert process._outcome([Ended("/one", over=True), Ended("/two", over=True)]) == 0
+    assert process._outcome([Ended("/one"), Ended("/two")]) == 0  # asked to end by a signal
+    assert capsys.readouterr().err == ""
+    with pytest.raises(ZeroDivisionError):
+        process._outcome([Ended("/one", wrong)])
