@@ -78,8 +78,8 @@ def parse(argv: Sequence[str] | None = None) -> Options:
     add(
         "--composed",
         action="store_true",
-        help="the four nodes in one process, which hands their messages over itself: the same numbers and topics, and "
-        "several times as fast in lockstep; if one of them fails all end",
+        help="the four nodes in one process, which hands their messages over itself: the same numbers and topics, "
+        "sooner in lockstep; if one of them fails all end",
     )
     given = parser.parse_args(argv)
 
