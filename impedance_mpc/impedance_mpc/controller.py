@@ -20,6 +20,7 @@ from impedance_mpc.plant import Array, Impedance, pt2_rig
 from impedance_mpc.predict import predict
 from impedance_mpc.solver import FAILED, Solver
 from phil_base.enumerations import Correction, SolverStatus
+from phil_base.held import hold
 
 
 class RigReading(NamedTuple):
@@ -133,6 +134,7 @@ class ImpedanceController:
         self._work = prepare.work(self.program)
         self._box_lower, self._box_upper = np.full(2 * n_c, self._minimum), np.full(2 * n_c, self._maximum)
         self._plan = np.zeros(2 * n_c)  # mm, N
+        self._held = hold((self._constants, self._forecast), (self._work, self._plan))
         self._approach = Approach(config.approach_time, ts)
         self.reset()
 
@@ -220,7 +222,7 @@ class ImpedanceController:
         now[prepare.F_ENV_BEFORE] = environment.f if math.isnan(before) else before
         now[prepare.W_ENV], now[prepare.V_ENV], now[prepare.F_ENV] = environment.w, environment.v, environment.f
         now[prepare.REFERENCE_NOW] = reference
-        return float(self._force_ahead(self._constants, self._work, self._forecast, self._plan))
+        return float(self._force_ahead(self._held))
 
     def command(self, rig: RigReading, environment: EnvironmentReading) -> Command:
         """Compute the command of cycle k from both states at t_k and enter the instant into the books.
@@ -243,7 +245,7 @@ class ImpedanceController:
 
         now[prepare.OFFSET], now[prepare.DRIFT_NOW], now[prepare.DELTA_P] = offset, drift, books.delta_p
         before = float(now[prepare.F_COR])
-        self._prepare(self._constants, work, *environment[:4])
+        self._prepare(self._held, *environment[:4])
         if self.control == CORRECTED and follows:
             # F_cor acts at t_(k+1), when the wire moves as fast as its acceleration has made it by then.
             v_next = environment.v + self._ts * float(self.model.output.dot(environment.acceleration))

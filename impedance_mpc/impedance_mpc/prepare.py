@@ -19,6 +19,7 @@ from impedance_mpc.predict import (
     REFERENCE,
     VELOCITY_BIAS,
 )
+from phil_base.held import Held
 from phil_base.kernels import njit
 
 # entries of Work.now, what a cycle is told
@@ -171,3 +172,15 @@ def prepare(c: Constants, s: Work, displacement: Array, velocity: Array, acceler
             free += c.row_free[i, j] * p[c.row_columns[j]]
         s.lower[i] = c.limit_lower[i] - free
         s.upper[i] = c.limit_upper[i] - free
+
+
+@njit(cache=True, fastmath=False)  # type: ignore[untyped-decorator]
+def force_ahead_held(held: Held) -> float:
+    """Call `force_ahead` with what is held: constants and forecast, work and plan."""
+    return force_ahead(held.constants[0], held.state[0], held.constants[1], held.state[1])
+
+
+@njit(cache=True, fastmath=False)  # type: ignore[untyped-decorator]
+def prepare_held(held: Held, displacement: Array, velocity: Array, acceleration: Array, force: Array) -> None:
+    """Call `prepare` with what is held; ``force`` is f_held."""
+    prepare(held.constants[0], held.state[0], displacement, velocity, acceleration, force)

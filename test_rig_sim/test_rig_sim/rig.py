@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from phil_base.held import Held, hold
 from test_rig_sim import assembly, step
 from test_rig_sim.load_cell import encode
 from test_rig_sim.loads import Loads
@@ -51,6 +52,7 @@ class Rig:
         p = parameters
         self.cycle_time = p.cycle_time
         self._bare = mount(p)
+        self._held: Held | None = None
         self._contact_stiffness = p.contact.stiffness
         pantograph = set_up(self._bare, p.uplift_force, p.contact.stiffness)
         loop = assembly.loop_of(p)
@@ -132,8 +134,20 @@ class Rig:
         self._noise *= self._noise_sigma
         self.cycle += 1
         start, self._load = self._load, self._loads.next()
-        step.advance(self.plant, self.memory, self._noise, u_start, u_end, start, self._load)
+        if self._held is None:
+            self._held = hold(self._plant, self.memory)
+        step.advance_held(self._held, self._noise, u_start, u_end, start, self._load)
         self.memory.signals[step.REFERENCE] = accepted
+
+    @property
+    def plant(self) -> step.Plant:
+        """All constants; another plant takes effect with the next cycle."""
+        return self._plant
+
+    @plant.setter
+    def plant(self, plant: step.Plant) -> None:
+        self._plant = plant
+        self._held = None
 
     @property
     def signals(self) -> Array:

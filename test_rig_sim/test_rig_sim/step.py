@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from phil_base.held import Held
 from phil_base.kernels import njit
 from test_rig_sim.contact import Contact, contact_force
 from test_rig_sim.drive import Drive, drive_acceleration, stator_force
@@ -245,3 +246,9 @@ def advance(
     signals[V_TRUE] = memory.state[1]
     signals[REFERENCE] = u_end
     signals[SATURATED] = saturated
+
+
+@njit(cache=True, fastmath=False)
+def advance_held(held: Held, noise: Array, u_start: float, u_end: float, load_start: Load, load_end: Load) -> None:
+    """Run one cycle of the plant and the memory that are held (`phil_base.held.hold`), see `advance`."""
+    advance(held.constants, held.state, noise, u_start, u_end, load_start, load_end)
