@@ -196,33 +196,18 @@ class ImpedanceController:
 
     def _take(self, rig: RigReading, environment: EnvironmentReading) -> float:
         """Bring all that is remembered to t_k; give the contact force predicted for t_(k+1), N."""
-        now, ramps, n_c = self._work.now, self._work.ramps, self._n_c
-        reference = rig.reference
-        if self._fresh:
+        fresh, reference = self._fresh, rig.reference
+        if fresh:
             self._fresh = False
             if math.isnan(reference):
                 reference = rig.w_tr
-            self._plan[:n_c] = min(max(reference / MILLIMETRE, self._minimum), self._maximum)
-            ramps[:] = reference
+            self._plan[: self._n_c] = min(max(reference / MILLIMETRE, self._minimum), self._maximum)
+            self._work.ramps[:] = reference
             forecast.start(self._forecast, self._work.filter, rig.f_tr, rig.v_tr)
-            now[prepare.W_TR] = rig.w_tr
-            now[prepare.F_ENV] = environment.f
-        else:
-            sent, begun = float(self._plan[1]) * MILLIMETRE, float(self._plan[0]) * MILLIMETRE
-            stood = float(ramps[1])
-            if math.isnan(reference):
-                reference = sent
-            ramps[2:] = ramps[:-2].copy()
-            # A command that the rig did not take (too late, or not wanted) left it on a ramp from where it was.
-            ramps[0] = begun if abs(reference - sent) < 1e-9 else stood
-            ramps[1] = reference
-        now[prepare.WAY] = rig.w_tr - now[prepare.W_TR]
-        now[prepare.W_TR], now[prepare.V_TR], now[prepare.F_TR] = rig.w_tr, rig.v_tr, rig.f_tr
-        before = now[prepare.F_ENV]
-        now[prepare.F_ENV_BEFORE] = environment.f if math.isnan(before) else before
-        now[prepare.W_ENV], now[prepare.V_ENV], now[prepare.F_ENV] = environment.w, environment.v, environment.f
-        now[prepare.REFERENCE_NOW] = reference
-        return float(self._force_ahead(self._held))
+            self._work.now[prepare.W_TR] = rig.w_tr
+            self._work.now[prepare.F_ENV] = environment.f
+        e = environment
+        return float(self._force_ahead(self._held, fresh, rig.w_tr, rig.v_tr, rig.f_tr, reference, e.w, e.v, e.f))
 
     def command(self, rig: RigReading, environment: EnvironmentReading) -> Command:
         """Compute the command of cycle k from both states at t_k and enter the instant into the books.
@@ -245,7 +230,8 @@ class ImpedanceController:
 
         now[prepare.OFFSET], now[prepare.DRIFT_NOW], now[prepare.DELTA_P] = offset, drift, books.delta_p
         before = float(now[prepare.F_COR])
-        self._prepare(self._held, *environment[:4])
+        e = environment
+        self._prepare(self._held, e.displacement, e.velocity, e.acceleration, e.held)
         if self.control == CORRECTED and follows:
             # F_cor acts at t_(k+1), when the wire moves as fast as its acceleration has made it by then.
             v_next = environment.v + self._ts * float(self.model.output.dot(environment.acceleration))

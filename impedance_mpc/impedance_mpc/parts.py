@@ -18,7 +18,7 @@ class Parts(NamedTuple):
     books: Callable[[float], Books] = Books
     """Makes the books, from Ts in s."""
     force_ahead: Callable[..., Any] = prepare.force_ahead_held
-    """Carries the plan on and gives the contact force predicted for t_(k+1), from what is held."""
+    """Notes both states, carries the plan on, and gives the contact force predicted for t_(k+1)."""
     prepare: Callable[..., Any] = prepare.prepare_held
     """Fills in gradient and bounds of the program."""
     bounds: Callable[..., tuple[float, float, int]] = correction.bounds

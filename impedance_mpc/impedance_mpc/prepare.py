@@ -175,9 +175,32 @@ def prepare(c: Constants, s: Work, displacement: Array, velocity: Array, acceler
 
 
 @njit(cache=True, fastmath=False)  # type: ignore[untyped-decorator]
-def force_ahead_held(held: Held) -> float:
-    """Call `force_ahead` with what is held: constants and forecast, work and plan."""
-    return force_ahead(held.constants[0], held.state[0], held.constants[1], held.state[1])
+def force_ahead_held(
+    held: Held, fresh: bool, w_tr: float, v_tr: float, f_tr: float, reference: float, w: float, v: float, f: float
+) -> float:
+    """Note both states at t_k (m, m/s, N), then call `force_ahead` with what is held.
+
+    Held are constants and forecast, work and plan. ``reference`` (m) is the end of the last ramp that the rig accepted,
+    NaN: as it was commanded; in a ``fresh`` ride there was none.
+    """
+    s, plan = held.state[0], held.state[1]
+    now, ramps = s.now, s.ramps
+    if not fresh:
+        sent, begun, stood = plan[1] * MILLIMETRE, plan[0] * MILLIMETRE, ramps[1]
+        if np.isnan(reference):
+            reference = sent
+        for i in range(ramps.size - 1, 1, -1):
+            ramps[i] = ramps[i - 2]
+        # A command that the rig did not take (too late, or not wanted) left it on a ramp from where it was.
+        ramps[0] = begun if abs(reference - sent) < 1e-9 else stood
+        ramps[1] = reference
+    now[WAY] = w_tr - now[W_TR]
+    now[W_TR], now[V_TR], now[F_TR] = w_tr, v_tr, f_tr
+    before = now[F_ENV]
+    now[F_ENV_BEFORE] = f if np.isnan(before) else before
+    now[W_ENV], now[V_ENV], now[F_ENV] = w, v, f
+    now[REFERENCE_NOW] = reference
+    return force_ahead(held.constants[0], s, held.constants[1], plan)
 
 
 @njit(cache=True, fastmath=False)  # type: ignore[untyped-decorator]

@@ -21,6 +21,10 @@ FAR_ABOVE = 1.0
 """m, a drive that stands there touches no pantograph without lift."""
 
 
+NOISE_AHEAD = 64
+"""Cycles for which noise is drawn at once: the same numbers, for a tenth of the time."""
+
+
 class RigSample(NamedTuple):
     """What the rig shows at t_k (the quantities of the message RigState), and what only a simulation knows."""
 
@@ -76,7 +80,7 @@ class Rig:
         self._seed = p.seed
         self._gap = p.touch.gap if p.start == "apart" else None
         self._lowest, self._highest = p.touch.lowest, p.touch.highest
-        self._noise = np.zeros(p.inner_steps)
+        self._noise = np.zeros((NOISE_AHEAD, p.inner_steps))
         self._delay = p.command_delay
         self._waiting: deque[tuple[float, float]] = deque()
         self._body = 2 + 2 * structure.modes  # where the pantograph begins in the state
@@ -130,13 +134,15 @@ class Rig:
         if self._delay:
             self._waiting.append((u_start, u_end))
             u_start, u_end = self._waiting.popleft()
-        self._random.standard_normal(out=self._noise)
-        self._noise *= self._noise_sigma
+        at = self.cycle % NOISE_AHEAD
+        if at == 0:
+            self._random.standard_normal(out=self._noise)
+            self._noise *= self._noise_sigma
         self.cycle += 1
         start, self._load = self._load, self._loads.next()
         if self._held is None:
             self._held = hold(self._plant, self.memory)
-        step.advance_held(self._held, self._noise, u_start, u_end, start, self._load)
+        step.advance_held(self._held, self._noise[at], u_start, u_end, start, self._load)
         self.memory.signals[step.REFERENCE] = accepted
 
     @property
@@ -157,23 +163,9 @@ class Rig:
     @property
     def state(self) -> RigSample:
         """What the rig shows at the present cycle."""
-        s = self.memory.signals.tolist()
-        return RigSample(
-            w_tr=s[step.W],
-            v_tr=s[step.V],
-            f_tr=s[step.F_TR],
-            f_raw=s[step.F_RAW],
-            reference=s[step.REFERENCE],
-            current=s[step.CURRENT],
-            work=s[step.WORK],
-            impulse=s[step.IMPULSE],
-            f_contact=s[step.F_CONTACT],
-            saturated=int(s[step.SATURATED]),
-            w_true=s[step.W_TRUE],
-            v_true=s[step.V_TRUE],
-            true_work=s[step.TRUE_WORK],
-            true_impulse=s[step.TRUE_IMPULSE],
-        )
+        shown = self.memory.signals.tolist()
+        shown[step.SATURATED] = int(shown[step.SATURATED])
+        return RigSample(*shown)
 
     def pantograph_state(self) -> tuple[Array, Array]:
         """Return displacement (n,) in m and velocity (n,) in m/s of the pantograph's bodies, frame first."""
