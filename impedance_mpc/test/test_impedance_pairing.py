@@ -192,9 +192,9 @@ def test_the_node_counts_strays_and_warns_of_them():
 
     books = SimpleNamespace(delta_e=0.0, delta_work=0.0, exchanged_energy=0.0, delta_p=0.0)
     result = SimpleNamespace(correction=0, f_cor=0.0, iterations=1, fallbacks=0)
-    empty = [np.zeros(0)] * 4
+    rows = np.zeros((4, 0))
     switch = SimpleNamespace(books=books, result=result, active=0)
-    node = Node(switch=switch, pairs=CyclePairs(), timing=Timing(), segment=empty, _hurried=False)
+    node = Node(switch=switch, pairs=CyclePairs(), timing=Timing(), segment=tuple(rows), _rows=rows, _hurried=False)
     node.unusable = node.fallbacks_reported = 0
     assert node.diagnose().level == DiagnosticStatus.OK
     node._take_rig(RigState(cycle=10**9))
