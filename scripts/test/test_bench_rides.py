@@ -18,7 +18,7 @@ from bench.rides import importing, run
 from bench.rides.options import RidesOptions, add_options, options_from
 from bench.rides.processes import MIB, Look, Memory, look, memory, ordered, rides_of, role, used
 from bench.rides.run import order
-from bench.rides.session import Kind, Ridden, environment, knows_composed, span
+from bench.rides.session import Kind, Ridden, before_the_nodes, environment, knows_composed, span
 from bench.rides.tables import MODULES, comparison
 from energy_monitor.bag import Table
 
@@ -197,3 +197,13 @@ def test_outcome_can_be_printed_and_written(against: str | None) -> None:
     document = json.loads(json.dumps({sheet.name: list(sheet.rows) for sheet in outcome.sheets}))
     assert [row["seconds"] for row in document["rides"]] == [one.seconds for one in rides]
     assert document["memory"][0]["this build, RSS"] == 200.0
+
+
+def test_looks_come_first_and_leave_no_trace() -> None:
+    before = os.sched_getscheduler(0)
+    with before_the_nodes():
+        child = subprocess.run(
+            [sys.executable, "-c", "import os; print(os.sched_getscheduler(0))"], capture_output=True
+        )
+        assert int(child.stdout) == os.SCHED_OTHER
+    assert os.sched_getscheduler(0) == before
