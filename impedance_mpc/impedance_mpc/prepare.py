@@ -25,6 +25,9 @@ from phil_base.kernels import njit
 # entries of Work.now, what a cycle is told
 W_TR, V_TR, F_TR, WAY, W_ENV, V_ENV, F_ENV, F_ENV_BEFORE, OFFSET, DRIFT_NOW, DELTA_P, REFERENCE_NOW, F_COR = range(13)
 NOW = 13
+# entries of Constants.places: where parts of p begin, see `predict.Layout`; degrees of freedom of the wire, cycles of
+# dead time, Nc
+WIRE, RAMP, FORCE, MOMENTUM_PART, FREEDOMS, DEAD_TIME, MOVES = range(7)
 
 
 class Constants(NamedTuple):
@@ -36,7 +39,7 @@ class Constants(NamedTuple):
     limit_lower: Array
     limit_upper: Array
     output: Array
-    whole: NDArray[np.int64]  # wire, ramp, force, momentum of the layout; n, cycles of dead time, Nc
+    places: NDArray[np.int64]  # see WIRE, ...
     compliance: float
     ts: float
     rig_a: Array
@@ -100,7 +103,7 @@ def _ways(c: Constants, s: Work, plan: Array) -> None:
 
     plan (Nc,) in mm is still the one of the cycle before: its entry 1 is u_tr of this cycle.
     """
-    n_c, cycles = c.whole[6], c.whole[5]
+    n_c, cycles = c.places[MOVES], c.places[DEAD_TIME]
     w, v = s.now[W_TR], s.now[V_TR]
     tail = s.scratch[0:2]
     for i in range(s.way.size):
@@ -126,7 +129,7 @@ def _ways(c: Constants, s: Work, plan: Array) -> None:
 @njit(cache=True, fastmath=False)  # type: ignore[untyped-decorator]
 def force_ahead(c: Constants, s: Work, d: forecast.Design, plan: Array) -> float:
     """Bring the forecast to t_k and predict the contact force over the horizon; return that of t_(k+1), N."""
-    force = c.whole[2]
+    force = c.places[FORCE]
     forecast.observe(d, s.filter, s.now[F_TR], s.now[WAY])
     _ways(c, s, plan)
     forecast.forecast(d, s.filter, s.now[F_TR], s.way, s.p[force : force + s.way.size], s.scratch[2:5])
@@ -139,7 +142,7 @@ def prepare(c: Constants, s: Work, displacement: Array, velocity: Array, acceler
 
     The gradient goes column by column of G, so that the inner loop runs over contiguous memory.
     """
-    wire, ramp, momentum, n = c.whole[0], c.whole[1], c.whole[3], c.whole[4]
+    wire, ramp, momentum, n = c.places[WIRE], c.places[RAMP], c.places[MOMENTUM_PART], c.places[FREEDOMS]
     p, now = s.p, s.now
     p[0], p[1] = now[W_TR], now[V_TR]
     model_w, model_v = 0.0, 0.0
