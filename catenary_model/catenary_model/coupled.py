@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model import layout, pantograph, step
+from catenary_model.cycle import soft_start_share
 from catenary_model.layout import Constants, State
 from phil_base.kernels import njit
 
@@ -50,7 +51,7 @@ def run(
         s.counter[layout.ITERATIONS] = 0
         for _ in range(c.whole[layout.SUBSTEPS]):
             t = c.real[layout.TS] * (s.counter[layout.STEPS] + 1)
-            share = 0.5 - 0.5 * np.cos(np.pi * t / soft_start) if t < soft_start else 1.0
+            share = soft_start_share(t, soft_start)
             head = pantograph.free(pc, ps, share)
             zeta = c.real[layout.START] + c.real[layout.SPEED] * t
             step.static_at(c, zeta, s.scratch)

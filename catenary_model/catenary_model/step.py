@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from catenary_model import arena, sites, wires
+from catenary_model.cycle import book, height_of, track_position
 from catenary_model.layout import (
     A_CAT,
     BETA,
@@ -22,7 +23,6 @@ from catenary_model.layout import (
     F_CAT,
     GAMMA,
     GIVEN,
-    IMPULSE,
     ITERATIONS,
     LAST_FORCE,
     PERIOD,
@@ -31,13 +31,11 @@ from catenary_model.layout import (
     SEGMENT_FIRST,
     SEGMENT_STATIONS,
     SPEED,
-    START,
     STEPS,
     SUBSTEPS,
     TS,
     V_CAT,
     W_CAT,
-    WORK,
     ZETA,
     Array,
     Constants,
@@ -58,12 +56,6 @@ def static_at(c: Constants, zeta: float, out: Array) -> None:
     r = at - i
     for j in range(6):
         out[j] = c.static[i, j] + r * (c.static[i + 1, j] - c.static[i, j])
-
-
-@njit(cache=True, fastmath={"contract"})
-def track_position(c: Constants, s: State) -> float:
-    """Track position zeta_0 + v t of the pantograph at the present instant, m; (3.4) with its sign corrected."""
-    return c.real[START] + c.real[SPEED] * (c.real[TS] * s.counter[STEPS])
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -177,24 +169,8 @@ def substep(c: Constants, s: State) -> None:
 @njit(cache=True, fastmath={"contract"})
 def height(c: Constants, s: State, force: float) -> float:
     """Displacement of the contact point under a contact force (N) at the present instant, m."""
-    samples = c.static.shape[0] - 1
-    at = track_position(c, s) / c.real[PERIOD]
-    at = (at - np.floor(at)) * samples
-    i = min(int(at), samples - 1)
-    static = c.static[i, 0] + (at - i) * (c.static[i + 1, 0] - c.static[i, 0])
     middle = c.whole[SEGMENT_FIRST] + PAD + c.whole[SEGMENT_STATIONS] // 2
-    return static + s.q[0, 1, 0, middle] + c.real[COMPLIANCE] * force
-
-
-@njit(cache=True, fastmath={"contract"})
-def book(c: Constants, s: State, before: float, force: float, w: float, now: float) -> float:
-    """Add one integration step to work and impulse, as trapezoids; return the new height of the contact point, m.
-
-    The force (N) went from `before` to `force`, the contact point from `w` (m) to `now`.
-    """
-    s.point[WORK] += 0.5 * (before + force) * (now - w)
-    s.point[IMPULSE] += 0.5 * c.real[TS] * (before + force)
-    return now
+    return height_of(c, s, s.q[0, 1, 0, middle], force)
 
 
 @njit(cache=True, fastmath={"contract"})

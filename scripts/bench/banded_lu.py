@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model import layout, sites, step, wires
+from catenary_model import cycle, layout, sites, step, wires
 from catenary_model.layout import Constants, State
 from catenary_model.model import Catenary, Config
 from catenary_model.wires import PAD
@@ -186,7 +186,7 @@ def recheck(c: Constants, s: State) -> int:
 def begin(c: Constants, s: State, m: Band) -> None:
     """Do what comes before the coupled solve: sites, predictors, right side of the wires."""
     s.counter[layout.STEPS] += 1
-    sites.collect(c, s, step.track_position(c, s))
+    sites.collect(c, s, cycle.track_position(c, s))
     wires.predict(s.q, c.real[layout.TS], c.real[layout.BETA], c.real[layout.GAMMA])
     wires.load(m.inner, m.outer, s.q, s.rhs)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from catenary_model import layout, ride, sites, step, wires
+from catenary_model import cycle, layout, ride, sites, step, wires
 from catenary_model.layout import Constants, State
 from catenary_model.model import Catenary, Config
 from phil_base.kernels import njit
@@ -76,7 +76,7 @@ def _substep(c: Constants, s: State, now: Ints, spent: Ints) -> None:
     ts, beta, gamma = c.real[layout.TS], c.real[layout.BETA], c.real[layout.GAMMA]
     t = _stamp(now)
     s.counter[layout.STEPS] += 1
-    sites.collect(c, s, step.track_position(c, s))
+    sites.collect(c, s, cycle.track_position(c, s))
     t = _lap(now, spent, 0, t)
     step.command_layers(c.gain, s.q, s.layer)
     t = _lap(now, spent, 1, t)
@@ -115,7 +115,7 @@ def _staged(c: Constants, s: State, force: Array, now: Ints, spent: Ints) -> Non
             s.contact[layout.GIVEN] = given
             _substep(c, s, now, spent[k])
             t = _stamp(now)
-            w = step.book(c, s, old, given, w, step.height(c, s, given))
+            w = cycle.book(c, s, old, given, w, step.height(c, s, given))
             _lap(now, spent[k], len(PHASES) - 1, t)
         s.contact[layout.LAST_FORCE] = f_cat
         t = _stamp(now)

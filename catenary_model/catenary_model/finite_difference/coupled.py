@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from catenary_model import layout, pantograph
 from catenary_model.coupled import note
+from catenary_model.cycle import book, soft_start_share
 from catenary_model.finite_difference import step
 from catenary_model.finite_difference.layout import Constants, State
-from catenary_model.step import book
 from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def run(
         for _ in range(n):
             step.arrive(c, s)
             t = c.real[layout.TS] * s.counter[layout.STEPS]
-            share = 0.5 - 0.5 * np.cos(np.pi * t / soft_start) if t < soft_start else 1.0
+            share = soft_start_share(t, soft_start)
             head = pantograph.free(pc, ps, share)
             before, force = force, held
             if np.isnan(held):

@@ -6,6 +6,7 @@ A place on the wire reads the field and gives its force with the weights of `gri
 from __future__ import annotations
 
 from catenary_model import sites
+from catenary_model.cycle import track_position
 from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, ORIGIN, PER_MASS, Constants, State
 from catenary_model.layout import (
     AHEAD,
@@ -34,9 +35,7 @@ from catenary_model.layout import (
     SLOT,
     SOFT,
     SPEED,
-    START,
     STATIONS,
-    STEPS,
     STIFFNESS,
     STRETCH,
     TS,
@@ -45,12 +44,6 @@ from catenary_model.layout import (
     X,
 )
 from phil_base.kernels import njit
-
-
-@njit(cache=True, fastmath={"contract"})
-def track_position(c: Constants, s: State) -> float:
-    """Track position of the pantograph at the present instant, m."""
-    return c.real[START] + c.real[SPEED] * (c.real[TS] * s.counter[STEPS])
 
 
 @njit(cache=True, fastmath={"contract"})

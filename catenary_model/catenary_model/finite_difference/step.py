@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from catenary_model.finite_difference.forces import act, gather, track_position
+from catenary_model.cycle import book, height_of, track_position
+from catenary_model.finite_difference.forces import act, gather
 from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, PER_ELEMENT, REACH, Constants, State, unpack
 from catenary_model.finite_difference.wires import close, propagate
 from catenary_model.layout import (
@@ -37,7 +38,7 @@ from catenary_model.layout import (
     Array,
     Ints,
 )
-from catenary_model.step import book, hold
+from catenary_model.step import hold
 from phil_base.kernels import njit
 
 
@@ -63,12 +64,7 @@ def leave(c: Constants, s: State, force: float) -> None:
 @njit(cache=True, fastmath={"contract"})
 def height(c: Constants, s: State, force: float) -> float:
     """Displacement of the contact point under a contact force (N) at the present instant, m."""
-    samples = c.static.shape[0] - 1
-    at = track_position(c, s) / c.real[PERIOD]
-    at = (at - np.floor(at)) * samples
-    i = min(int(at), samples - 1)
-    static = c.static[i, 0] + (at - i) * (c.static[i + 1, 0] - c.static[i, 0])
-    return static + s.w[s.counter[NOW], 1, c.whole[MIDDLE]] + c.real[COMPLIANCE] * force
+    return height_of(c, s, s.w[s.counter[NOW], 1, c.whole[MIDDLE]], force)
 
 
 @njit(cache=True, fastmath={"contract"})
