@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 NEEDS_ROS = re.compile(
     r"(catenary_model|impedance_mpc|test_rig_sim|energy_monitor)\.node"

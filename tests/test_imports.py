@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 from phil_base.workspace import workspace
 
 FOUR = ("catenary_model", "impedance_mpc", "test_rig_sim", "energy_monitor")
@@ -116,6 +118,7 @@ def circles() -> set[frozenset[str]]:
     return {frozenset(o for o in to if module in reached[o]) for module, to in reached.items() if module in to}
 
 
+@pytest.mark.slow
 def test_no_module_imports_itself_by_a_detour() -> None:
     """Not even for types alone, but for what is one thing in several files; whoever parts these takes them out here."""
     assert circles() == {frozenset(modules) for modules in ONE_THING}

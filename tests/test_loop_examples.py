@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 LONGEST = 20
 """Lines of code of such an example: beyond comments, docstrings, imports and blank lines."""

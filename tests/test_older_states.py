@@ -15,6 +15,8 @@ from energy_monitor.bag import read_bag
 from energy_monitor.report.cli import main as analyze
 from phil_loop import ClosedLoop, resolve
 
+pytestmark = pytest.mark.slow
+
 ARCHIVE = Path(__file__).parent / "data" / "ride_of_0fec957.tar.xz"
 CYCLES = 100
 

@@ -15,6 +15,8 @@ from catenary_model.absorbing.incidence_design import Tuning, design_product, fa
 from catenary_model.absorbing.incidence_refinement import closed_radius, constrained_least_squares, objective, refine
 from catenary_model.absorbing.plane_waves import Band, reflection, worst
 
+pytestmark = pytest.mark.slow
+
 WAVE = wave_2d(1.0, 1.0, 0.5)
 INSIDE = np.arange(0.0, 60.5, 2.0)
 
@@ -73,7 +75,6 @@ def test_constrained_least_squares_meets_its_optimality_conditions() -> None:
     assert constrained_least_squares(A, b, np.vstack([G[:1], -G[:1]]), np.array([1.0, 1.0])) is None
 
 
-@pytest.mark.slow
 def test_refinement_improves_a_stable_start_and_keeps_it_stable() -> None:
     start = higdon(WAVE, [0.0, 30.0], 2e-3)
     corner = diagonal(WAVE, damping=2e-3)
@@ -92,7 +93,6 @@ def test_refinement_improves_a_stable_start_and_keeps_it_stable() -> None:
     assert sizes[-1] < 1e-3 * np.linalg.norm(rough)
 
 
-@pytest.mark.slow
 def test_refinement_does_not_accept_an_unstable_step() -> None:
     start = higdon(WAVE, [0.0, 30.0], 1e-3)
     limit = 1.0 - 0.5 * (1.0 - closed_radius(WAVE, start))
@@ -102,7 +102,6 @@ def test_refinement_does_not_accept_an_unstable_step() -> None:
     assert closed_radius(WAVE, found.boundary) <= limit
 
 
-@pytest.mark.slow
 def test_stable_boundary_is_below_engquist_majda_2_up_to_60_degrees() -> None:
     r = result()
     chosen = r.figures["tuned for 0"]
@@ -129,7 +128,6 @@ def test_each_front_is_best_at_its_own_angle() -> None:
     assert sixty[1] < 0.2 * worst(WAVE, second_order(WAVE), np.array([60.0]))[0]
 
 
-@pytest.mark.slow
 def test_design_is_repeatable() -> None:
     """No chance in it; but linear algebra rounds by how arrays lie in memory, and the optimiser may stop a step apart.
 
@@ -151,7 +149,6 @@ def test_coefficients_come_back_from_the_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(100.0 * worst(stencil, boundary, np.array(info["degrees"])), info["reflection_percent"])
 
 
-@pytest.mark.slow
 def test_table_and_figures_show_every_boundary() -> None:
     r = result()
     rows = table(r)

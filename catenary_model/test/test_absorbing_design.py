@@ -42,6 +42,8 @@ from catenary_model.absorbing.least_squares import mode_weights, rows, solve
 from catenary_model.absorbing.pareto import choose, nondominated, size_points, stability_points, write_front
 from catenary_model.absorbing.simulate import growth_of
 
+pytestmark = pytest.mark.slow
+
 CONTACT = beam(1.35, 0.2, 150.0, 20e3, 0.25, 1e-3)
 BAND = band(0.5, 30.0, outside=1e-3)
 SMALL = Sweep(tikhonov=(1e-5, 1e-3), outside=(1e-3,), leak=(1e-5, 1e-4), iterations=2)
@@ -59,7 +61,6 @@ def contact() -> Design:
 
 
 @pytest.mark.parametrize("objective", ["reflection", "output_error"])
-@pytest.mark.slow
 def test_exact_wave_comes_out_of_a_bad_start(objective: str) -> None:
     """At Courant number 1 w_0^{n+1} = w_1^n is the only boundary without reflection: found to 1e-9."""
     bad = as_start(BoundaryStencil(np.array([[[0.0, 0.3], [0.4, 0.3]]])))
@@ -100,7 +101,6 @@ def test_least_squares_solution_against_brute_force() -> None:
     assert np.allclose(found, brute.x, atol=1e-4)
 
 
-@pytest.mark.slow
 def test_beam_under_tension_reflects_less_than_half_a_percent(contact: Design) -> None:
     """Goal of the case: at most 0.5 % from 0.5 to 30 Hz by the dispersion relation and in a run, and stable."""
     f = np.geomspace(0.5, 30.0, 40)
@@ -113,7 +113,6 @@ def test_beam_under_tension_reflects_less_than_half_a_percent(contact: Design) -
     assert refine(contact, settings=Settings(rounds=1, evaluations=1)) is contact  # no step made, nothing better
 
 
-@pytest.mark.slow
 def test_gain_is_a_demand_of_its_own(contact: Design) -> None:
     """A design that reflects too much at some frequency outside the band is passed over, though it is stable."""
     limit = 0.9 * contact.gain
@@ -145,7 +144,6 @@ def test_lossless_beam_is_stable_on_its_own() -> None:
     assert np.all(np.diff(peaks) < 0.0)
 
 
-@pytest.mark.slow
 def test_refinement_improves_and_keeps_what_is_demanded() -> None:
     small = design(CONTACT, "left", 3, 1, BAND, sweep=SMALL)
     better = refine(small, settings=Settings(rounds=3))
@@ -159,7 +157,6 @@ def test_refinement_improves_and_keeps_what_is_demanded() -> None:
         refine(small, objective="energy")
 
 
-@pytest.mark.slow
 def test_refinement_for_the_output_error_lowers_it() -> None:
     start = design(CONTACT, "left", 4, 2, BAND, sweep=SMALL)
     better = refine(start, settings=Settings(rounds=2, evaluations=15), objective="output_error")
@@ -167,7 +164,6 @@ def test_refinement_for_the_output_error_lowers_it() -> None:
     assert better.radius < 1.0
 
 
-@pytest.mark.slow
 def test_pair_of_a_moving_beam_is_stable_together() -> None:
     """Six nodes a side, different waves ahead and behind: below 1 % from 1 to 30 Hz, and coupled radius below 1."""
     stencil = moving_beam(1.35, 0.2, 150.0, 20e3, 70.0, 0.25, 1e-3)
@@ -188,7 +184,6 @@ def test_a_pde_of_ones_own_in_a_few_lines() -> None:
     assert radius(scheme, made.boundary, None) < 1.0
 
 
-@pytest.mark.slow
 def test_fronts_and_their_files(tmp_path: Path, contact: Design) -> None:
     told: list[str] = []
     points = stability_points(CONTACT, "left", 4, 3, BAND, sweep=SMALL)
@@ -226,7 +221,6 @@ def test_nondominated_against_its_definition() -> None:
         assert marked == (not beaten)
 
 
-@pytest.mark.slow
 def test_designs_are_kept_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stencil = wave_1d(120.0, 0.5, 2e-3)
     first = cached_design(stencil, "left", 2, 2, BAND, sweep=SMALL, folder=tmp_path)

@@ -67,6 +67,7 @@ def test_damping_profile_is_nothing_inside_and_grows_outwards() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.0, 250.0 / 3.6, FAST])
+@pytest.mark.slow
 def test_controlled_reflects_little_on_both_sides_of_both_wires(speed: float) -> None:
     """At most 0.5 % rms and 1 % anywhere to 30 Hz, four times better than the dashpot; 31 to 60 Hz at most 20 %."""
     above = np.arange(31.0, 61.0, 1.0)

@@ -64,6 +64,7 @@ def test_speed_sweep(run: Callable[..., str]) -> None:
     assert fast > 5.0 * slow
 
 
+@pytest.mark.slow
 def test_uneven_spans(run: Callable[..., str]) -> None:
     """The force repeats itself with the line: the strongest wave fits a whole number of times into a period."""
     told = run("uneven_spans", "--line", "alternating_spans", "--periods", "4")

@@ -98,6 +98,7 @@ def test_kernel_equals_dense_reference(changes: dict[str, object], monkeypatch: 
     assert error < 1e-9
 
 
+@pytest.mark.slow
 def test_kernel_with_given_lengths_equals_dense_reference() -> None:
     """One dropper 1 cm too long, far more than it is stretched: slack at rest."""
     rest = Catenary(SMALL).statics
@@ -174,6 +175,7 @@ def test_static_shape_moves_past_the_pantograph() -> None:
 
 
 @pytest.mark.parametrize("speed_kmh", [0.0, 250.0, 320.0])
+@pytest.mark.slow
 def test_long_ride_stays_bounded(speed_kmh: float) -> None:
     catenary = Catenary(Config(speed=speed_kmh / 3.6))
     w = np.zeros(6000)

@@ -31,6 +31,7 @@ def test_waves_run_with_c_minus_v_ahead_and_c_plus_v_behind(speed: float, side: 
 
 
 @pytest.mark.parametrize("speed_kmh", [0.0, 250.0, 320.0])
+@pytest.mark.slow
 def test_matched_dashpot_absorbs(speed_kmh: float) -> None:
     """Free contact wire, push below 20 Hz, 2 spans against 12: less than 0.5 % of what clamped ends send back.
 

@@ -27,6 +27,7 @@ def _cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
 
 
+@pytest.mark.slow
 def test_the_node_sends_the_bits_of_the_model(partner: Partner) -> None:  # noqa: F811
     node = partner.node
     assert all(r.successful for r in node.set_parameters([Parameter(name, value=given) for name, given in FD.items()]))

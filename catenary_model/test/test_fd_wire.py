@@ -24,6 +24,7 @@ def setting(**changes: object) -> Config:
 
 
 @pytest.mark.parametrize("speed_kmh", [0.0, 250.0])
+@pytest.mark.slow
 def test_a_string_under_a_moving_force_moves_by_its_impulse(speed_kmh: float) -> None:
     """D'Alembert: the wire under the force is at c/(2 T) times the impulse, at any speed below c; so is the work.
 

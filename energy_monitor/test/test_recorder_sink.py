@@ -65,6 +65,7 @@ def test_the_file_can_be_read_before_it_is_closed(tmp_path):
     assert len(messages_in(file)) == sent
 
 
+@pytest.mark.slow
 def test_the_index_of_many_chunks_is_whole_and_takes_no_memory(tmp_path):
     writer = SteadyWriter(tmp_path / "ride", version=9, storage_plugin=StoragePlugin.MCAP)
     writer.open()

@@ -26,6 +26,8 @@ from energy_monitor.report.html import page
 from energy_monitor.report.results import Report
 from energy_monitor.report.verdicts import read_limits
 
+pytestmark = pytest.mark.slow
+
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 FIGURES = {"displacement", "contact_force", "spectrum", "conservation", "correction", "wires", "timing"}
 
@@ -57,7 +59,6 @@ def written(ride_bag: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
     return out, write_report(ride_bag, out, params)
 
 
-@pytest.mark.slow
 def test_files(written: tuple[Path, Report]) -> None:
     out, report = written
     assert report.ok
@@ -141,7 +142,6 @@ def test_summary_names_what_was_late_and_refused(written: tuple[Path, Report]) -
 
 
 @pytest.mark.parametrize("cycles", [1, 8, 50])
-@pytest.mark.slow
 def test_very_short_rides_are_drawn_without_warnings(
     synthetic: Callable[..., Path], tmp_path: Path, cycles: int
 ) -> None:
@@ -151,7 +151,6 @@ def test_very_short_rides_are_drawn_without_warnings(
     assert report.ok
 
 
-@pytest.mark.slow
 def test_page_of_a_poor_bag(synthetic: Callable[..., Path], tmp_path: Path) -> None:
     # Two cycles, and none of the topics that are not needed.
     more = ("catenary_model/wire_shape", "energy_monitor/conserved_quantities", "impedance_mpc/conserved_quantities")
@@ -165,7 +164,6 @@ def run(*arguments: Any) -> int:
     return main([str(argument) for argument in arguments])
 
 
-@pytest.mark.slow
 def test_exit_codes(synthetic: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     good, bad = synthetic(tmp_path / "good"), synthetic(tmp_path / "bad", lag=4e-3)
     assert run(good, "--no-html", "--json", tmp_path / "numbers.json") == 0
@@ -269,7 +267,6 @@ def test_a_device_is_written_to_and_not_replaced(ride_bag: Path, tmp_path: Path)
 
 
 @pytest.mark.parametrize("place", ["report.html.write_page", "report.document.document_text", "bag.read_bag"])
-@pytest.mark.slow
 def test_an_interruption_leaves_nothing_half(
     ride_bag: Path,
     tmp_path: Path,

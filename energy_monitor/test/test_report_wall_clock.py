@@ -59,6 +59,7 @@ def jump(bag: Bag, cycle: int, seconds: float, clamped: bool = False) -> Bag:
     seconds=st.one_of(st.floats(-1e6, -0.2), st.floats(5.5, 1e6)),
     clamped=st.booleans(),
 )
+@pytest.mark.slow
 def test_a_clock_that_was_set_is_noticed_and_does_not_count(
     bag: Bag, cycle: int, seconds: float, clamped: bool
 ) -> None:

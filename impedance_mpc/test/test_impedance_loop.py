@@ -7,6 +7,8 @@ from impedance_mpc.controller import ImpedanceController
 from impedance_mpc.parameters import Parameters
 from phil_base.parameters import build, defaults
 
+pytestmark = pytest.mark.slow
+
 SCHEMES = {True: "integrated_with_correction", False: "integrated"}
 
 
@@ -30,7 +32,6 @@ def rides():
     return {on: run(MovingString(), 2500, noise=1.0, control=SCHEMES[on]).summary() for on in (True, False)}
 
 
-@pytest.mark.slow
 def test_moving_string_is_tracked_under_noise(rides):
     """Goal of the rig is 0.3 mm with a real wire; this one has softer springs, so a third of it."""
     for figures in rides.values():

@@ -56,6 +56,7 @@ def force_of_a_pantograph(config: Config) -> np.ndarray:
 
 
 @pytest.mark.parametrize("line", [load_line("en50318_2002"), heavy(load_line("en50318_2002"))], ids=["light", "heavy"])
+@pytest.mark.slow
 def test_other_ways_are_the_same_wire(line: Line) -> None:
     config = small(line)
     force = force_of_a_pantograph(config)

@@ -64,6 +64,7 @@ def test_sequences_are_hard_enough(sequences: dict[str, Sequence], reference: di
     assert np.mean((np.abs(rows) > 1e-9).sum(axis=1) >= 3) > 0.5
 
 
+@pytest.mark.slow
 def test_controllers_solutions_fulfil_the_conditions(
     sequences: dict[str, Sequence], reference: dict[str, np.ndarray]
 ) -> None:
@@ -115,6 +116,7 @@ def test_other_solvers_agree(name: str, sequences: dict[str, Sequence], referenc
 
 @pytest.mark.parametrize("name", [name for name in SOLVERS if name != "ProxQP, AVX2"])
 @pytest.mark.parametrize("row", [True, False], ids=["row", "box"])
+@pytest.mark.slow
 def test_contradictory_bounds_are_not_solved(name: str, row: bool, sequences: dict[str, Sequence]) -> None:
     """By no solver's own word, and the problems after them are solved as if nothing had been."""
     if version(name) is None:

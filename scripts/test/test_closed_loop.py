@@ -28,6 +28,7 @@ def test_the_rig_follows_the_wire_and_the_energy_stays_consistent(loop):
     assert abs(last_of(record, "delta_p")) < 1e-3 * last_of(record, "exchanged_momentum")
 
 
+@pytest.mark.slow
 def test_without_correction_energy_drifts(loop):
     """The same ride, correction off: what the correction force is for."""
     record = loop.ride(events={0: correction(False)})

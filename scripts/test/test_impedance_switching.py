@@ -68,6 +68,7 @@ def test_the_environments_are_those_that_were_chosen(record: Seen) -> None:
         assert record.environment[k] != record.environment[k + 1] == ENVIRONMENTS.index(name)
 
 
+@pytest.mark.slow
 def test_a_switch_is_no_harder_on_drive_and_pantograph_than_the_ride_is(record: Seen) -> None:
     """Reference, acceleration and force of 0.2 s after each switch, against the ride on the catenary before (2 s)."""
     normal = slice(500, 1500)

@@ -228,6 +228,7 @@ class Follower:
         self.resets += 1
 
 
+@pytest.mark.slow
 def test_an_own_controller_takes_the_place_of_ours() -> None:
     """It is the cascaded control without its approach: the same forces and motion within what that makes."""
     own = ClosedLoop(settings(duration=1.0), Follower(0.002))

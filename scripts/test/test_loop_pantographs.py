@@ -28,6 +28,7 @@ def ride(changes: dict[str, Any]) -> tuple[np.ndarray, float]:
 
 
 @pytest.mark.parametrize("name", PANTOGRAPHS)
+@pytest.mark.slow
 def test_every_pantograph_rides(name: str) -> None:
     # 0.8 s are about one span at 250 km/h; over it the force averages to the lift less what the frame's spring takes,
     # measured within 10 %.
@@ -49,6 +50,7 @@ def test_a_ride_survives_everything_at_once() -> None:
     assert force[300:].mean() < lift
 
 
+@pytest.mark.slow
 def test_file_and_chain_ride_alike() -> None:
     # The same pantograph twice; rounding grows in a loop with an optimiser that stops at a residual: 1 N of some 27 N.
     first, second = (ride({"pantograph": name})[0] for name in ("en50318", "state_space"))

@@ -124,6 +124,7 @@ def test_wrong_parameters_end_with_2_and_leave_nothing(tmp_path, capsys):
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_the_defaults_and_the_rigs_give_no_notice():
     for rig in (None, "ideal", "nominal", "harsh"):
         assert notices(None, resolve(None, {}, rig)) == []

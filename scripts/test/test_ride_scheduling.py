@@ -136,6 +136,7 @@ print(int(status_of("VmLck") > 0), grown, open(f"/proc/self/timerslack_ns").read
 
 
 @pytest.mark.parametrize("rights", [True, False])
+@pytest.mark.slow
 def test_a_process_gets_what_it_may_and_says_the_rest(rights):
     """In a process of its own: what is asked for holds for the whole process."""
     lead = () if rights else WITHOUT_RIGHTS

@@ -188,6 +188,7 @@ def test_repeated_edges_of_the_catenary_are_no_doubles():
 
 
 @given(st.integers(0, 999), st.integers(0, 999), st.integers(1, 9))
+@pytest.mark.slow
 def test_in_real_time_a_message_comes_again_only_where_the_rig_counted_late_commands(cycle, counted, late):
     cycles = np.arange(1000)
     rig = table("/r", "RigState", cycles, late_commands=late * (cycles >= counted))

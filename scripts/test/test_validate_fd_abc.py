@@ -12,6 +12,8 @@ from catenary_model.absorbing import incidence
 from phil_study.outcome import Outcome, Row
 from validate import fd_abc, fd_abc_beam
 
+pytestmark = pytest.mark.slow
+
 SAID: list[str] = []
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "absorbing_boundaries.md"
 
@@ -50,7 +52,6 @@ def by_name(rows: list[Row]) -> dict[str, Row]:
     return {row.name: row for row in rows}
 
 
-@pytest.mark.slow
 def test_a_shortened_run_holds(outcome: Outcome) -> None:
     assert [row.name for row in outcome.rows if row.holds is False] == []
     assert all(np.isfinite(row.value) for row in (*outcome.rows, *outcome.details))
@@ -83,7 +84,6 @@ def case_of(end: absorbing.BoundaryStencil) -> fd_abc_beam.Case:
     return fd_abc_beam.measured("given", stencil, given, True, SAID.append)
 
 
-@pytest.mark.slow
 def test_a_clamped_end_fails() -> None:
     """It returns all of a wave, by analysis (rounding) and in time (2 %: a packet disperses on its way), for ever."""
     rows = by_name(fd_abc.beam_rows(case_of(absorbing.clamped(fd_abc_beam.beam(0.0), "left"))))
@@ -95,7 +95,6 @@ def test_a_clamped_end_fails() -> None:
         assert rows[name].holds is False
 
 
-@pytest.mark.slow
 def test_an_end_that_grows_fails() -> None:
     """Its nodes move away by a per mille a step: the eigenvalues say so exactly (rounding), the long run shows it."""
     c = np.zeros((2, 2, 2))

@@ -167,6 +167,7 @@ def test_the_pantograph_creates_no_energy(
     assert found[-1] < found[0] + 1e-9
 
 
+@pytest.mark.slow
 def test_without_dissipation_the_energy_stays(rig_parameters: Any) -> None:
     # Only bellows, changing inertia and springs: Runge-Kutta's own loss, (w h)^5 / 144 a step with w = 30/s, is 1e-15.
     changes = {"friction": 0.0, "stop_stiffness": 0.0, "inertia_slope": 0.4, "area_slope": 1e-4}

@@ -50,6 +50,7 @@ def test_integration_agrees_with_solve_ivp(rig_parameters: Any, name: str) -> No
 @pytest.mark.parametrize("name", ["en50318", "three_mass"])
 @given(data=st.data())
 @settings(max_examples=15, deadline=None)
+@pytest.mark.slow
 def test_pantograph_contact_and_structure_create_no_energy(rig_parameters: Any, name: str, data: Any) -> None:
     # A free drive without current, weight and cogging; its friction shakes the structure. Runge-Kutta loses energy in
     # smooth motion; a change of contact within a step may gain some 1e-7 of it.

@@ -124,6 +124,7 @@ def test_a_damaged_file_is_made_again(package: Callable[..., ModuleType], tmp_pa
     assert again.outer(1.0) == 2.0 and hits(again) == 1
 
 
+@pytest.mark.slow
 def test_signatures_lie_in_files_of_their_own(package: Callable[..., ModuleType], tmp_path: Path) -> None:
     # So two processes that compile two signatures at once cannot mix them up, whoever is first.
     module, other = package(), package()
