@@ -149,9 +149,12 @@ def _longest(chains: list[Chain]) -> list[Chain]:
 
 def _chains(cycle: Cycles, usual: int | None) -> list[Chain]:
     """Split cycle numbers into chains, in the order in which these begin; `usual` is the step where that is known."""
-    rows = np.arange(len(cycle))
-    if not len(cycle):
+    rows = np.flatnonzero(cycle >= 0)  # a number beyond any sense goes on from nothing, and nothing from it
+    if not len(rows):
+        rows = np.arange(len(cycle))
+    if not len(rows):
         return []
+    cycle = cycle[rows]
     step = np.diff(cycle)
     to_zero = (cycle[1:] == 0) & (cycle[:-1] > 0)
     rising = step[step > 0]
@@ -182,8 +185,8 @@ def _chains(cycle: Cycles, usual: int | None) -> list[Chain]:
         tops[chosen] = top, before if end - begin == 1 else top
         sizes[chosen] += end - begin
         recent = [*recent[1 - _OPEN :], chosen]
-    taken = [np.concatenate([rows[begin:end] for begin, end in runs]) for runs in chains]
-    return [Chain(row, cycle[row]) for row in taken]
+    taken = [np.concatenate([np.arange(begin, end) for begin, end in runs]) for runs in chains]
+    return [Chain(rows[place], cycle[place]) for place in taken]
 
 
 def _fitting(
