@@ -13,6 +13,8 @@ from ride.command import FAILED, OK, carry_out
 from ride.lifecycle import RideError
 from ride.options import parse
 
+pytestmark = pytest.mark.slow  # each makes a whole report
+
 
 @pytest.fixture
 def ridden(monkeypatch, tmp_path, synthetic):
