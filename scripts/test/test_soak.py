@@ -225,6 +225,7 @@ def test_wrong_options_are_one_line(arguments, capsys):
 
 
 @pytest.mark.integration
+@pytest.mark.alone
 def test_half_a_minute_of_a_ride_holds(tmp_path):
     out, file = tmp_path / "soak", tmp_path / "soak.json"
     began = time.monotonic()

@@ -66,8 +66,12 @@ class Ride:
     def spin(self, spins: int = 4000, until: Callable[[], bool] | None = None) -> None:
         for _ in range(spins):
             self.executor.spin_once(timeout_sec=0.05)
-            if self.rig._phase == ENDED if until is None else until():
+            if self._over() if until is None else until():
                 break
+
+    def _over(self) -> bool:
+        """Tell whether the ride has ended, and the partner has heard so: it may hear later."""
+        return bool(self.rig._phase == ENDED and self.states and self.states[-1][2])
 
     def close(self) -> None:
         self.rig.trigger_deactivate()
