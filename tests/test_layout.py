@@ -45,5 +45,8 @@ def test_names_are_unique() -> None:
 
 def test_no_test_changes_where_modules_are_looked_for() -> None:
     for path in OF_TESTS:
-        called = (node.func for node in ast.walk(ast.parse((ROOT / path).read_text())) if isinstance(node, ast.Call))
+        text = (ROOT / path).read_text(encoding="utf-8")
+        if "sys.path." not in text:
+            continue
+        called = (node.func for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call))
         assert not {"sys.path.insert", "sys.path.append"} & {ast.unparse(function) for function in called}, path
