@@ -10,6 +10,8 @@ from impedance_mpc.switching import ENVIRONMENTS
 from phil_loop import ClosedLoop, settings
 from phil_loop.events import Events, environment
 
+pytestmark = pytest.mark.slow  # all look at the same long ride
+
 TS = 0.002
 SWITCHES = {1500: "mass_spring_damper", 2250: "reduced", 3000: "catenary", 3750: "reduced", 4500: "mass_spring_damper"}
 CYCLES = 5250
@@ -62,13 +64,11 @@ def jumps(record: Seen) -> np.ndarray:
     return record.start[1:] - record.end[:-1]
 
 
-@pytest.mark.slow
 def test_the_environments_are_those_that_were_chosen(record: Seen) -> None:
     for k, name in SWITCHES.items():
         assert record.environment[k] != record.environment[k + 1] == ENVIRONMENTS.index(name)
 
 
-@pytest.mark.slow
 def test_a_switch_is_no_harder_on_drive_and_pantograph_than_the_ride_is(record: Seen) -> None:
     """Reference, acceleration and force of 0.2 s after each switch, against the ride on the catenary before (2 s)."""
     normal = slice(500, 1500)
@@ -118,7 +118,6 @@ def test_the_energy_error_of_the_books_stays_small_over_all_switches(loop: Close
     assert abs(record.delta_work[-1]) < 0.01 * loop.commander.books.exchanged_energy
 
 
-@pytest.mark.slow
 def test_two_equal_rides_with_switches_are_equal_to_the_bit() -> None:
     names = ("mass_spring_damper", "reduced", "catenary")
     events = {100 * (i + 1): environment(name) for i, name in enumerate(names)}
