@@ -7,10 +7,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from runpy import run_module
+from typing import ClassVar
 
 from phil_base.forked import Forked, fork
 from phil_node.bounded_log import BoundedLog
@@ -26,17 +28,18 @@ PRELOADED = (
 class Process:
     """One child: its output goes to a log file, Ctrl-C in the terminal does not reach it, and it ends if we die."""
 
-    def __init__(
-        self, name: str, module: str, arguments: Sequence[str], log: Path, nursery: Nursery | None = None
-    ) -> None:
+    nursery: ClassVar[Nursery | None] = None
+    """Of which children are forked at present; no argument, so that one's own kind of process needs not know of it."""
+
+    def __init__(self, name: str, module: str, arguments: Sequence[str], log: Path) -> None:
         """Start a module with its arguments; of a nursery the child is forked, and waits for `Nursery.open`."""
         self.name = name
         self.log = log
         command = [sys.executable, "-m", "ride.child", str(os.getpid()), module, *arguments]
         self._child: subprocess.Popen[bytes] | Forked
         with log.open("wb") as output:
-            if nursery is not None:
-                self._child = nursery.fork(command, output.fileno())
+            if self.nursery is not None:
+                self._child = self.nursery.fork(command, output.fileno())
                 return
             self._child = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
@@ -115,8 +118,12 @@ def _live(command: Sequence[str]) -> int | None:
     parent, module, arguments = int(command[3]), command[4], command[5:]
     as_child(parent)
     sys.argv = [module, *arguments]
-    code: int | None = import_module(module).main()
-    return code
+    main: Callable[[], int | None] | None = getattr(import_module(module), "main", None)
+    if main is None:  # one's own module need not have it
+        del sys.modules[module]
+        run_module(module, run_name="__main__", alter_sys=True)
+        return None
+    return main()
 
 
 def end_all(processes: Sequence[Process], patience: float = 5.0) -> None:

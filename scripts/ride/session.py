@@ -88,7 +88,11 @@ class Ride:
         remove_litter()  # of killed processes, before there are five that might take up the names of its ports
         self._shm = snapshot()
         nursery = Nursery()
-        self._start_processes(nursery)
+        Process.nursery = nursery
+        try:
+            self._start_processes()
+        finally:
+            Process.nursery = None
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("ride", start_parameter_services=False)
         self._executor = events_executor()
@@ -119,7 +123,7 @@ class Ride:
         if self._interrupts == 1:
             self._console.print("\nending the ride (again: at once)", highlight=False)
 
-    def _start_processes(self, nursery: Nursery) -> None:
+    def _start_processes(self) -> None:
         """Fork them, while this process has no threads of ROS; they begin when the nursery is opened."""
         logs = self._out / "logs"
         logs.mkdir(parents=True, exist_ok=True)
@@ -128,11 +132,11 @@ class Ride:
             self._ready = logs / "recorder.ready"
             self._ready.unlink(missing_ok=True)
             arguments = ["--out", str(self.bag_path), "--ready-file", str(self._ready)]
-            self._recorder = Process("recorder", "energy_monitor.record", arguments, logs / "recorder.log", nursery)
+            self._recorder = Process("recorder", "energy_monitor.record", arguments, logs / "recorder.log")
         if self._composed:
             arguments = ["--ros-args", "--params-file", parameters]
             arguments += ["-p", f"test_rig_sim:wait_for_subscribers:={self._listeners}"]
-            process = Process(COMPOSED, "ride.composed", arguments, logs / "composed.log", nursery)
+            process = Process(COMPOSED, "ride.composed", arguments, logs / "composed.log")
             self._nodes = dict.fromkeys(NODES, process)
             return
         for name in NODES:
@@ -140,7 +144,7 @@ class Ride:
             if name == "test_rig_sim":
                 # Cycle 0 waits for controller, monitor and recorder: none of them may miss it.
                 arguments += ["-p", f"wait_for_subscribers:={self._listeners}"]
-            self._nodes[name] = Process(name, f"{name}.node", arguments, logs / f"{name}.log", nursery)
+            self._nodes[name] = Process(name, f"{name}.node", arguments, logs / f"{name}.log")
 
     @property
     def _listeners(self) -> int:

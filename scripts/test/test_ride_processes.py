@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ride.processes import Process, end_all
+from ride.processes import Nursery, Process, end_all
 from ride.shared_memory import remove_litter, snapshot
 
 
@@ -93,3 +93,17 @@ def test_only_unused_litter_of_the_middleware_is_removed(tmp_path):
         removed = remove_litter(before, tmp_path)
     assert removed == ["fastrtps_dead", "fastrtps_dead_el", "fastrtps_port7_el", "sem.fastrtps_port7_mutex"]
     assert snapshot(tmp_path) == {"fastrtps_young", "fastrtps_busy", "fastrtps_busy_el", "other", "unrelated"}
+
+
+def test_a_kind_of_process_of_ones_own_is_forked_like_any_other(tmp_path, monkeypatch):
+    class Other(Process):
+        def __init__(self, name, module, arguments, log):
+            super().__init__(name, "ride.parameter_table", arguments, log)
+
+    nursery = Nursery()
+    monkeypatch.setattr(Other, "nursery", nursery)
+    monkeypatch.setenv("PHIL_ROOT", str(tmp_path))
+    child = Other("any", "json.tool", [], tmp_path / "any.log")
+    nursery.open()
+    assert child.wait(20.0), child.last_words()
+    assert (child.code, (tmp_path / "docs" / "parameters.md").exists()) == (0, True), child.last_words()
