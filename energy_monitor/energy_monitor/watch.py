@@ -22,6 +22,7 @@ from contextlib import suppress
 from types import TracebackType
 
 from energy_monitor import guardian
+from phil_base.scheduling import own_threads, schedule_as_others
 
 PATIENCE = 4.0
 """s from a signal after which the main thread counts as hanging: longer than what still comes is waited for."""
@@ -63,6 +64,7 @@ class Watch:
         self.calm()
         self._leave()
         if self._guardian is not None:
+            schedule_as_others(own_threads())
             with suppress(subprocess.TimeoutExpired):
                 self._guardian.wait(GOING)
 

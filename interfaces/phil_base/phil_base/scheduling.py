@@ -126,7 +126,12 @@ def schedule(threads: Iterable[int], priority: int) -> Answer:
 
 
 def schedule_as_others(threads: Iterable[int]) -> None:
-    """Give threads the ordinary class."""
+    """Give threads the ordinary class; needed before a child that is over is waited for, or threads end.
+
+    Linux takes a child or a thread that is over off its list in a loop that waits for whoever looks at it in /proc at
+    that moment (shrink_dcache_parent). One that comes before all others keeps that one from going on: on all CPUs that
+    is for ever.
+    """
     _each(threads, lambda thread: os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0)))
 
 

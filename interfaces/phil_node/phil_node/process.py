@@ -91,9 +91,7 @@ def _run(kinds: Sequence[Callable[[], PhilNode[Any]]], argv: list[str] | None, e
     except ExternalShutdownException:
         pass
     finally:
-        # No more before all others: the kernel waits in a busy loop, when a child or a thread has ended, for whoever
-        # looks at it in /proc at the time (shrink_dcache_parent), and on all CPUs that is for ever.
-        schedule_as_others(own_threads())
+        schedule_as_others(own_threads())  # threads end, and a child is waited for
         executor.shutdown()
         for node in nodes:
             node.destroy_node()

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from importlib import import_module
 from time import monotonic
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from phil_base.forked import Forked, fork
+from phil_base.scheduling import schedule_as_others
 from phil_node.link import LONGEST, Peer, joined, messages_of
 
 MESSAGES, COMMAND, ACKNOWLEDGED = 0, 1, 2
@@ -226,16 +226,10 @@ class TopicsProcess:
             self._tell(command)
 
     def close(self) -> None:
-        """Leave it: it ends by itself, or is ended.
-
-        The calling thread gives up SCHED_FIFO. Linux takes a child that is over off its list in the thread that asks
-        for it, and waits there, in a loop, for whoever looks at the child in /proc at that moment: one that comes
-        before all others would keep that one from going on, and wait for ever.
-        """
+        """Leave it: it ends by itself, or is ended; this thread gives up SCHED_FIFO, see `schedule_as_others`."""
         with self.lock:
             self._peer.close()
-        with suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        schedule_as_others([threading.get_native_id()])
         os.close(self._end)
         for child in (*self._dead, self._child):
             try:
