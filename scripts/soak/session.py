@@ -8,12 +8,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.realtime.child import running
 from bench.realtime.disturbance import OUTSIDE, Work, plain, work_of
-from bench.realtime.session import BEGUN_BYTES, END_SECONDS, START_SECONDS, processes, topics_of
+from bench.realtime.session import BEGUN_BYTES, START_SECONDS, processes, topics_of
 from bench.realtime.tables import PROCESSES
 from bench.realtime.usage import children
 from phil_node.shared_memory import litter, remove_litter, snapshot
@@ -131,28 +132,12 @@ def _ride_command(options: Options, ride: Path) -> list[str]:
     return command
 
 
-@contextlib.contextmanager
-def _child(command: list[str], log: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a process and see to its end: Ctrl-C as an operator would, and only then harder."""
-    with log.open("wb") as output:
-        child = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-            env=environment,
-        )
+def _child(
+    command: list[str], log: Path, environment: dict[str, str]
+) -> contextlib.AbstractContextManager[subprocess.Popen[bytes]]:
+    """Start a process and see to its end; one of a viewer or a busy loop does not hear Ctrl-C."""
     ask = signal.SIGTERM if str(OUTSIDE) in command else signal.SIGINT
-    try:
-        yield child
-    finally:
-        for number, patience in ((ask, END_SECONDS), (signal.SIGTERM, 10.0), (signal.SIGKILL, 5.0)):
-            if child.poll() is not None:
-                break
-            child.send_signal(number)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                child.wait(patience)
+    return running(command, Path.cwd(), environment, log, ask)
 
 
 def _wait_for_cycles(child: subprocess.Popen[bytes], ride: Path, log: Path) -> None:

@@ -148,12 +148,4 @@ class _Chain(CycleThread):
                 with suppress(BlockingIOError):
                     os.read(wakes, 4096)
                 ready.remove(wakes)
-            for file in ready:
-                callback = self._readers.get(file)
-                if callback is not None:
-                    callback()
-            now = monotonic()
-            for timer in self._timers:
-                if timer.due <= now:
-                    timer.advance(now)
-                    timer.callback()
+            self._call(ready)

@@ -146,12 +146,16 @@ class CycleThread:
                 os.read(wakes, 4096)
                 ready.remove(wakes)
             with lock:
-                for file in ready:
-                    callback = self._readers.get(file)
-                    if callback is not None:
-                        callback()
-                now = monotonic()
-                for timer in self._timers:
-                    if timer.due <= now:
-                        timer.advance(now)
-                        timer.callback()
+                self._call(ready)
+
+    def _call(self, ready: list[int]) -> None:
+        """Call back for the files that can be read, and by the timers that are due."""
+        for file in ready:
+            callback = self._readers.get(file)
+            if callback is not None:
+                callback()
+        now = monotonic()
+        for timer in self._timers:
+            if timer.due <= now:
+                timer.advance(now)
+                timer.callback()

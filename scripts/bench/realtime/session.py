@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.realtime.child import running
 from bench.realtime.disturbance import Disturbance, Work
 from bench.realtime.figures import NODES, Measured, measured
 from bench.realtime.options import RealtimeOptions, WrongUse
@@ -27,7 +27,6 @@ BEGUN_BYTES = 1_000_000
 """Size of a bag that has cycles in it; before them it holds definitions and a few diagnostics."""
 START_SECONDS = 300.0
 """A build that was never used compiles its kernels first."""
-END_SECONDS = 60.0
 RECORDER = "recorder"
 TOPICS, OF_TOPICS = "phil_node.topics_process", "its topics"
 FIELDS = {
@@ -172,9 +171,10 @@ def outcome(figures: Measured, code: int | None, interrupted: bool, said: str) -
     return reason or f"ended with code {code}"
 
 
-@contextlib.contextmanager
-def _riding(build: Build, options: RealtimeOptions, out: Path, log: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Start the ride and see to its end: Ctrl-C as an operator would, and only then harder."""
+def _riding(
+    build: Build, options: RealtimeOptions, out: Path, log: Path
+) -> contextlib.AbstractContextManager[subprocess.Popen[bytes]]:
+    """Start the ride and see to its end."""
     duration = "0" if options.disturbed else f"{options.seconds:g}"
     command = ["python", "-m", "ride.child", str(os.getpid()), "ride", "--mode", "realtime", "--duration", duration]
     for node in NODES:
@@ -182,25 +182,7 @@ def _riding(build: Build, options: RealtimeOptions, out: Path, log: Path) -> Ite
     for parameter in options.parameters:
         command += ["--set", parameter]
     command += ["--no-report", "--out", str(out)]
-    with log.open("wb") as output:
-        child = subprocess.Popen(
-            command,
-            cwd=build.root,
-            env=dict(build.environment),
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-    try:
-        yield child
-    finally:
-        for number, patience in ((signal.SIGINT, END_SECONDS), (signal.SIGTERM, 10.0), (signal.SIGKILL, 5.0)):
-            if child.poll() is not None:
-                break
-            child.send_signal(number)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                child.wait(patience)
+    return running(command, build.root, build.environment, log)
 
 
 def _cycles_came(out: Path, watch: _Watch) -> bool:

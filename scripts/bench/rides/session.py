@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import time
 from collections.abc import Iterator, Mapping
@@ -14,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.realtime.against import ROOT, before
-from bench.realtime.session import END_SECONDS, MeasuringError
+from bench.realtime.child import running
+from bench.realtime.session import MeasuringError
 from bench.rides.options import RidesOptions
 from bench.rides.processes import Look, Memory, look, memory, rides_of, used
 from energy_monitor.bag import BagError, Table, read_bag
@@ -167,27 +167,10 @@ def _failed(kind: Kind, why: str, said: str) -> str:
     return f"a ride of {kind.label}: {why}; it said:\n{words}"
 
 
-@contextlib.contextmanager
-def _riding(kind: Kind, options: RidesOptions, out: Path, log: Path) -> Iterator[subprocess.Popen[bytes]]:
+def _riding(
+    kind: Kind, options: RidesOptions, out: Path, log: Path
+) -> contextlib.AbstractContextManager[subprocess.Popen[bytes]]:
     """Start the ride and see to its end."""
     command = ["bash", str(kind.root / "scripts" / "run.sh"), "--duration", f"{options.seconds:g}", "--no-report"]
     command += [*(["--composed"] if kind.composed else []), "--out", str(out)]
-    with log.open("wb") as output:
-        child = subprocess.Popen(
-            command,
-            cwd=kind.root,
-            env=environment(),
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-    try:
-        yield child
-    finally:
-        for number, patience in ((signal.SIGINT, END_SECONDS), (signal.SIGTERM, 10.0), (signal.SIGKILL, 5.0)):
-            if child.poll() is not None:
-                break
-            child.send_signal(number)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                child.wait(patience)
+    return running(command, kind.root, environment(), log)
