@@ -59,17 +59,20 @@ def soak(options: Options, say: Callable[[str], None]) -> Soaked:
         It did not come to a first cycle.
     """
     before = snapshot()
-    ride, samples = options.out / "ride", list[Sample]()
+    ride, samples, begun = options.out / "ride", list[Sample](), options.out / "begun"
+    begun.unlink(missing_ok=True)
     log = options.out / "ride.log"
     viewers: list[subprocess.Popen[bytes]] = []
     with contextlib.ExitStack() as stack:
         child = stack.enter_context(_child(_ride_command(options, ride), log, _environment(options)))
-        _wait_for_cycles(child, ride, log)
-        found = _processes(child.pid)
         for number in range(options.viewers):
+            # They load what they need now, and join with the first cycles: in lockstep half a minute is over in 3 s.
             command = [sys.executable, str(OUTSIDE), str(os.getpid()), "view", str(number)]
-            command.append(f"{STAYS[number % len(STAYS)]:g}")
+            command += [f"{STAYS[number % len(STAYS)]:g}", str(begun)]
             viewers.append(stack.enter_context(_child(command, _viewer_log(options, number), plain(os.environ))))
+        _wait_for_cycles(child, ride, log)
+        begun.touch()
+        found = _processes(child.pid)
         began = due = told = time.monotonic()
         while child.poll() is None:
             if len(found) < len(PROCESSES):

@@ -1,4 +1,4 @@
-"""What goes on beside a ride, as a process of its own: ``outside.py PARENT view NUMBER [STAY] | parameters | busy``.
+"""What goes on beside a ride, as a process: ``outside.py PARENT view NUMBER [STAY [FILE]] | parameters | busy``.
 
 Plain rclpy with nothing of this project: what an engineer's own tools do. It ends by SIGTERM, or when its parent dies.
 """
@@ -12,6 +12,7 @@ import signal
 import sys
 import time
 from importlib import import_module
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -40,8 +41,10 @@ def say(**found: object) -> None:
     print(json.dumps(found), flush=True)
 
 
-def view(number: int, stay: float | None = None) -> None:
+def view(number: int, stay: float | None = None, file: str = "") -> None:
     """Join, read all topics of a ride for ``stay`` s or as VISITS says, leave; again and again.
+
+    With ``file`` it joins once that is there, and has loaded all that it needs by then.
 
     Even numbers ask for reliable, odd ones for best effort; each second pair for what is kept, where it is offered, as
     `ros2 topic echo` does.
@@ -52,6 +55,8 @@ def view(number: int, stay: float | None = None) -> None:
 
     stay = stay or VISITS[number % len(VISITS)]
     say(ready=True)
+    while file and not (_ended or Path(file).exists()):
+        time.sleep(0.02)
     while not _ended:
         begun = time.monotonic()
         context = rclpy.Context()
@@ -161,7 +166,8 @@ def main() -> None:
         return  # it died before we could ask
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     if what == "view":
-        view(int(sys.argv[3]), *map(float, sys.argv[4:5]))
+        stay, file = (*sys.argv[4:6], *("0", "")[len(sys.argv[4:6]) :])
+        view(int(sys.argv[3]), float(stay), file)
     elif what == "parameters":
         parameters()
     else:
