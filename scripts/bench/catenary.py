@@ -144,9 +144,7 @@ def run(quick: bool) -> Outcome:
     force = recorded_force(WARM_UP + rounds * (block + COLD))
     warm_up, rest = force[:WARM_UP], force[WARM_UP:].reshape(rounds, -1)
     if not same_bits(DEFAULT, force[:300]):
-        raise RuntimeError(
-            "the phases are not the model's step; if compiled code is stale: delete scripts/bench/__pycache__"
-        )
+        raise RuntimeError("the phases are not the model's step: bring scripts/bench/catenary_phases.py up to it")
     load_before = os.getloadavg()[0]
     replays = {spans: Replay(dataclasses.replace(DEFAULT, spans=spans), warm_up) for spans in SPANS}
     coarse = Replay(THESIS_MESH, warm_up)

@@ -6,8 +6,8 @@ friction, whose rate F_s / (m v_0) is up to 1000/s: omega h < 0.1 against the st
 loses energy at such steps (its amplification is below 1), so contact cannot create any. The current is held over an
 inner step, as a digital amplifier does. The load cell is far faster (12000 rad/s): it is sampled exactly instead.
 
-The compiled kernel is cached beside this file and knows only of changes in this file: after a change in a compiled
-function of another file of this package, delete `__pycache__` (or touch this file).
+The compiled kernel is kept between runs by a digest of the sources of all packages that it uses (`phil_base.kernels`):
+with any change in a file of theirs it is compiled anew.
 """
 
 from typing import NamedTuple
