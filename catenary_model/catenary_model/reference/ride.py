@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model import pantograph
+from catenary_model.cycle import soft_start_share
 from catenary_model.reference import step
 from catenary_model.reference.links import Links
 from catenary_model.reference.wires import Wires
@@ -116,8 +117,7 @@ def run(
         if given.size > 0:
             force = given[i]
         else:
-            share = 0.5 - 0.5 * np.cos(np.pi * t / ramp) if t < ramp else 1.0
-            head = pantograph.free(p, ps, share)
+            head = pantograph.free(p, ps, soft_start_share(t, ramp))
         force = settle(w, c, s, p, head, force, most, speed)
         if given.size == 0:
             pantograph.finish(p, ps, force)
