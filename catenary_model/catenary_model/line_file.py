@@ -34,7 +34,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
@@ -42,7 +41,7 @@ from catenary_model import statics
 from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, Wire
 from catenary_model.reach import refuse_unridable
 from phil_base.clear_words import ClearError
-from phil_base.yaml_file import YamlError, parse_yaml
+from phil_base.yaml_file import YamlError, dump_yaml, number_text, parse_yaml
 
 T = TypeVar("T")
 
@@ -283,26 +282,29 @@ def dump_line(line: Line) -> str:
     mast = _most([span.mast for span in line.spans], Mast())
     arm = _most([span.steady_arm for span in line.spans], None)
     rows = [
-        "name: " + yaml.safe_dump(line.name, default_style='"', width=10**6).strip(),
-        f"gravity: {_text(line.gravity)}  # m/s^2",
+        dump_yaml({"name": line.name}).rstrip(),
+        f"gravity: {number_text(line.gravity)}  # m/s^2",
         "",
     ]
     for what, wire in (("carrier", line.carrier), ("contact", line.contact)):
-        rows += [f"{what}:  # kg/m, N s/m^2, N m^2, N", *(f"  {key}: {_text(x)}" for key, x in asdict(wire).items())]
-    rows += ["", "defaults:", f"  pre_sag: {_text(pre_sag)}  # m"]
-    rows += [f"  dropper: {{stiffness: {_text(k_d)}, mass: {_text(m_d)}}}  # N/m, kg"]
+        rows += [
+            f"{what}:  # kg/m, N s/m^2, N m^2, N",
+            *(f"  {key}: {number_text(x)}" for key, x in asdict(wire).items()),
+        ]
+    rows += ["", "defaults:", f"  pre_sag: {number_text(pre_sag)}  # m"]
+    rows += [f"  dropper: {{stiffness: {number_text(k_d)}, mass: {number_text(m_d)}}}  # N/m, kg"]
     rows += [f"  mast: {_flow(mast)}  # N/m, m"]
     rows += [f"  steady_arm: {_flow(arm)}  # N/m, kg"] if arm else []
     rows += ["", "spans:"]
     for span, equal in itertools.groupby(line.spans):
-        rows += [f"  - length: {_text(span.length)}  # m"]
+        rows += [f"  - length: {number_text(span.length)}  # m"]
         repeat = len(list(equal))
         rows += [f"    repeat: {repeat}"] if repeat > 1 else []
-        rows += [f"    pre_sag: {_text(span.pre_sag)}  # m"] if span.pre_sag != pre_sag else []
+        rows += [f"    pre_sag: {number_text(span.pre_sag)}  # m"] if span.pre_sag != pre_sag else []
         rows += [f"    mast: {_flow(span.mast)}  # N/m, m"] if span.mast != mast else []
         rows += [f"    steady_arm: {_flow(span.steady_arm)}  # N/m, kg"] if span.steady_arm != arm else []
         if all(d == Dropper(d.position, k_d, m_d) for d in span.droppers):
-            rows += [f"    droppers: [{', '.join(_text(d.position) for d in span.droppers)}]  # m from the mast"]
+            rows += [f"    droppers: [{', '.join(number_text(d.position) for d in span.droppers)}]  # m from the mast"]
             continue
         rows += ["    droppers:  # m from the mast, N/m, kg, m"]
         for d in span.droppers:
@@ -310,7 +312,7 @@ def dump_line(line: Line) -> str:
             given |= {"stiffness": d.stiffness} if d.stiffness != k_d else {}
             given |= {"mass": d.mass} if d.mass != m_d else {}
             given |= {"length": d.length} if d.length is not None else {}
-            rows += ["      - {" + ", ".join(f"{key}: {_text(x)}" for key, x in given.items()) + "}"]
+            rows += ["      - {" + ", ".join(f"{key}: {number_text(x)}" for key, x in given.items()) + "}"]
     return "\n".join(rows) + "\n"
 
 
@@ -319,13 +321,7 @@ def _most(values: list[T], otherwise: T) -> T:
     return Counter(values).most_common(1)[0][0] if values else otherwise
 
 
-def _text(x: float) -> str:
-    """Write a number without loss so that every YAML reader takes it as a number: 1.0e-05, not 1e-05."""
-    text = repr(float(x))
-    return text.replace("e", ".0e") if "e" in text and "." not in text else text
-
-
 def _flow(entry: Mast | SteadyArm | None) -> str:
     if entry is None:
         return "null"
-    return "{" + ", ".join(f"{key}: {_text(x)}" for key, x in asdict(entry).items()) + "}"
+    return "{" + ", ".join(f"{key}: {number_text(x)}" for key, x in asdict(entry).items()) + "}"

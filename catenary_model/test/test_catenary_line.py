@@ -255,7 +255,8 @@ def test_round_trip(line: Line) -> None:
         assume(False)
     text = dump_line(line)
     assert parse_line(text) == line
-    assert isinstance(yaml.safe_load(text)["gravity"], float)  # any YAML reader takes the numbers as numbers
+    plain = yaml.safe_load(text)  # any YAML reader takes the numbers as numbers and the name as a text
+    assert isinstance(plain["gravity"], float) and plain["name"] == line.name
 
 
 def test_dump_is_short_where_spans_repeat() -> None:
