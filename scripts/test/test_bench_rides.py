@@ -15,6 +15,7 @@ from rich.console import Console
 from bench.realtime import options as realtime
 from bench.realtime.session import Build, MeasuringError
 from bench.rides import importing, run
+from bench.rides.library import Alone, alone, library_goals, library_sheet
 from bench.rides.options import RidesOptions, add_options, options_from
 from bench.rides.processes import MIB, Look, Memory, look, memory, ordered, rides_of, role, used
 from bench.rides.run import order
@@ -175,6 +176,38 @@ def test_command_is_typed_in_the_users_shell(monkeypatch: pytest.MonkeyPatch) ->
     assert "VIRTUAL_ENV" not in environment()
 
 
+# Without ROS -----------------------------------------------------------------------------------------------------
+
+
+def test_loop_rides_in_an_interpreter_of_its_own() -> None:
+    """The parts take less than a whole cycle of 2 ms does by the times real time; twice that, as two rides differ."""
+    found = alone(Build("this build", Path.cwd(), os.environ), 1.0)
+    assert set(found.parts) == {"catenary", "controller", "rig"}
+    assert 0.0 < sum(found.parts.values()) < 2.0 * 0.002 / found.loop
+    assert found.coupling > 0.0
+
+
+def test_loop_is_held_against_real_time_and_the_coupling_against_the_other_build() -> None:
+    parts = {"catenary": 2e-5, "controller": 3e-5, "rig": 4e-5}
+    new = [Alone("new", loop, coupling, parts) for loop, coupling in ((19.0, 80.0), (21.0, 76.0), (22.0, 60.0))]
+    old = [Alone("old", 16.0, 80.0, parts)] * 3
+    kept = library_goals(new + old)
+    assert [goal.value for goal in kept] == pytest.approx([1 / 21.0, 80.0 / 76.0])
+    assert [goal.row()["holds"] for goal in kept] == [True, False]
+    assert len(library_goals(new)) == 1
+    rows = {row["what"]: row for row in library_sheet(new + old).rows}
+    assert rows["rig, us a cycle"]["new"] == pytest.approx(40.0)
+    assert rows["closed loop, times real time"]["new, range"] == "19 to 22"
+
+
+def test_a_build_whose_interpreter_fails_is_named(tmp_path: Path) -> None:
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\necho no numba here >&2\nexit 3\n", encoding="utf-8")
+    python.chmod(0o755)
+    with pytest.raises(MeasuringError, match=r"bare: the loop without ROS failed:\nno numba here"):
+        alone(Build("bare", tmp_path, {"PATH": f"{tmp_path}:{os.environ['PATH']}"}), 1.0)
+
+
 # All of it -------------------------------------------------------------------------------------------------------
 
 
@@ -186,13 +219,20 @@ def test_outcome_can_be_printed_and_written(against: str | None) -> None:
     seen = {kind.label: {"test_rig_sim": Memory(200 * MIB, 150 * MIB)} for kind in kinds}
     builds = list(dict.fromkeys(kind.build for kind in kinds))
     found = [importing.Import(build, module, 1.0, 0.9) for build in builds for module in MODULES]
-    outcome = run.outcome(RidesOptions(2.0, 2, against, True), kinds, rides, seen, found)
+    loops = [Alone(build, 25.0, 90.0, dict.fromkeys(("catenary", "controller", "rig"), 2e-5)) for build in builds]
+    outcome = run.outcome(RidesOptions(2.0, 2, against, True), kinds, rides, seen, found, loops)
     console = Console(width=200, record=True, file=io.StringIO())
     for sheet in outcome.sheets:
         assert sheet.rows
         console.print(sheet.table())
     said = console.export_text()
-    for text in ("this build, composed", "impedance_mpc.node", "all of them", *(["FAILS", "ratio"] if against else [])):
+    for text in (
+        "this build, composed",
+        "impedance_mpc.node",
+        "all of them",
+        "real time",
+        *(["FAILS", "ratio"] if against else []),
+    ):
         assert text in said
     document = json.loads(json.dumps({sheet.name: list(sheet.rows) for sheet in outcome.sheets}))
     assert [row["seconds"] for row in document["rides"]] == [one.seconds for one in rides]

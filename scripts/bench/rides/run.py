@@ -14,6 +14,7 @@ import numpy as np
 
 from bench.realtime.against import build, present
 from bench.rides.importing import Import, imports
+from bench.rides.library import Alone, in_turns, library_goals, library_sheet
 from bench.rides.options import RidesOptions
 from bench.rides.processes import Memory
 from bench.rides.session import Kind, Ridden, knows_composed, ride
@@ -32,7 +33,7 @@ def order(kinds: int, rounds: int) -> list[int]:
 
 
 def run(options: RidesOptions, quick: bool = False) -> Outcome:
-    """Ride in lockstep with the four nodes and the recorder; speed, start, processor time, memory, imports.
+    """Ride in lockstep with nodes and recorder, and without ROS; speed, start, processor time, memory, imports.
 
     Raises
     ------
@@ -66,10 +67,12 @@ def run(options: RidesOptions, quick: bool = False) -> Outcome:
                 rides.append(ride(kinds[which], options, folder / f"ride-{number}"))
             _say("importing")
             found = imports(builds, QUICK_IMPORTS if quick else IMPORTS)
+            _say("riding without ROS")
+            loops = in_turns(builds, options.seconds, options.rounds)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    return outcome(options, kinds, rides, seen, found)
+    return outcome(options, kinds, rides, seen, found, loops)
 
 
 def outcome(
@@ -78,6 +81,7 @@ def outcome(
     rides: Sequence[Ridden],
     seen: Mapping[str, Mapping[str, Memory]],
     found: Sequence[Import],
+    loops: Sequence[Alone],
 ) -> Outcome:
     """Put all rides into tables."""
     samples = {
@@ -87,10 +91,14 @@ def outcome(
     }
     rows = [distribution(name, times) for name, times in samples.items()]
     sheets = [ride_sheet(rides), figure_sheet(rides), use_sheet(rides), memory_sheet(seen), import_sheet(found)]
+    sheets.append(library_sheet(loops))
+    goals = library_goals(loops)
     if options.against is not None:
         old = kinds[-1]
-        sheet, goals = comparison(rides, kinds[:-1], old)
-        sheets += [sheet, goal_sheet(goals)]
+        sheet, compared = comparison(rides, kinds[:-1], old)
+        sheets.append(sheet)
+        goals = compared + goals
+    sheets.append(goal_sheet(goals))
     title = f"rides of {options.seconds:g} s in lockstep, with a recording, {options.rounds} rounds"
     return Outcome(title, rows, notes(options, kinds), sheets=sheets, samples=samples)
 
