@@ -35,12 +35,10 @@ def of_library(seconds: float) -> dict[str, float]:
 
 def of_before(seconds: float) -> dict[str, float]:
     """Ride by the loop of the benches of before, which had neither supervisor nor record."""
-    from bench.closed_loop import ClosedLoop  # type: ignore[import-not-found]
     from ride.settings import resolve
 
-    loop: Any = ClosedLoop(
-        resolve(None, {name: {"speed_kmh": SPEED_KMH} for name in ("catenary_model", "test_rig_sim")})
-    )
+    made: Any = import_module("bench.closed_loop").ClosedLoop
+    loop = made(resolve(None, {name: {"speed_kmh": SPEED_KMH} for name in ("catenary_model", "test_rig_sim")}))
     cycles = round(seconds / 0.002)
     for _ in loop.cycles(500):
         pass
