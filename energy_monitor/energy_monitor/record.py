@@ -18,7 +18,7 @@ from typing import Any, TextIO
 from energy_monitor.listening import RideRecorder
 from energy_monitor.topics import RECORDED
 from energy_monitor.watch import Watch
-from phil_base.atomic import whole
+from phil_base.atomic import write_text
 from phil_base.clear_words import clear
 from phil_base.command_line import UNUSABLE, Parser, path, seconds
 from phil_base.memory import lean_heap, touch_objects
@@ -140,8 +140,7 @@ def look_period(elapsed: float, waiting: bool) -> float:
 
 def announce(file: Path, topics: Sequence[str]) -> None:
     """Create the ready file at once and whole."""
-    with whole(file) as draft:
-        draft.write_text("".join(f"{topic}\n" for topic in topics), encoding="utf-8")
+    write_text(file, "".join(f"{topic}\n" for topic in topics))
 
 
 def summary(recorder: RideRecorder, path: Path, seconds: float) -> str:

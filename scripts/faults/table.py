@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.table import Table
 
 from faults.judge import Peaks, Row
+from phil_base.atomic import write_text
 
 BEGIN, END = "<!-- faults: begin (made by scripts/faults.sh --update-docs) -->", "<!-- faults: end -->"
 HEAD = ("fault", "the drive", "safe after s", "mm", "m/s", "N", "A", "late", "reported", "bag", "re-arm", "")
@@ -74,4 +75,4 @@ def update(document: Path, rows: Sequence[Row], foot: str) -> None:
         raise ValueError(f"{document} has no lines '{BEGIN}' and '{END}'")
     before, rest = text.split(BEGIN, 1)
     after = rest.split(END, 1)[1]
-    document.write_text(f"{before}{BEGIN}\n\n{markdown(rows)}\n\n{foot}\n\n{END}{after}", encoding="utf-8")
+    write_text(document, f"{before}{BEGIN}\n\n{markdown(rows)}\n\n{foot}\n\n{END}{after}")

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NoReturn
 
+from phil_base.atomic import together
 from phil_base.command_line import Parser, path, write_json
 
 if TYPE_CHECKING:
@@ -84,10 +85,11 @@ def write(outcome: Outcome, given: argparse.Namespace, of: str, judged: bool) ->
     if given.out:
         from phil_study.distribution import picture
 
-        if outcome.samples:
-            picture(outcome.title, outcome.samples, given.out / f"{of}-{given.name}.png")
-        for name, draw in outcome.pictures.items():
-            draw(given.out / f"{of}-{given.name}-{name}.png")
+        with together(given.out) as drafts:
+            if outcome.samples:
+                picture(outcome.title, outcome.samples, drafts / f"{of}-{given.name}.png")
+            for name, draw in outcome.pictures.items():
+                draw(drafts / f"{of}-{given.name}-{name}.png")
     return written
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+from phil_base.atomic import write_text
 from phil_base.parameters import Info, defaults, infos
 from phil_base.workspace import workspace
 from ride.settings import NODES
@@ -50,4 +51,4 @@ def _show(value: Any) -> str:
 
 if __name__ == "__main__":
     PATH.parent.mkdir(exist_ok=True)
-    PATH.write_text(table(), encoding="utf-8")
+    write_text(PATH, table())

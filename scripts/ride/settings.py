@@ -8,6 +8,7 @@ from typing import Any
 
 from catenary_model.line_file import LineFileError, dump_line, preset_names
 from catenary_model.parameters import line_of
+from phil_base.atomic import write_text
 from phil_base.parameters import ParameterError, nest
 from phil_base.yaml_file import dump_yaml
 from phil_loop.resolution import (
@@ -76,13 +77,13 @@ def write(settings: Mapping[str, Mapping[str, Any]], line: str, folder: Path, pa
     A line that was given as a file is taken from the copy: what happens to the file later does not matter. So is a
     pantograph whose text (`pantograph_text`) is given, from `pantograph.yaml`.
     """
-    (folder / "line.yaml").write_text(line, encoding="utf-8")
+    write_text(folder / "line.yaml", line)
     tree = {name: {"ros__parameters": nest(values)} for name, values in settings.items()}
     catenary = tree["catenary_model"]["ros__parameters"]
     if catenary["line"] not in preset_names():
         catenary["line"] = str((folder / "line.yaml").absolute())
     if pantograph:
-        (folder / "pantograph.yaml").write_text(pantograph, encoding="utf-8")
+        write_text(folder / "pantograph.yaml", pantograph)
         tree["test_rig_sim"]["ros__parameters"]["pantograph_file"] = str((folder / "pantograph.yaml").absolute())
     lead = "# Everything that this ride ran with. To ride the same again: scripts/run.sh --params THIS_FILE\n"
-    (folder / "params.yaml").write_text(lead + dump_yaml(tree), encoding="utf-8")
+    write_text(folder / "params.yaml", lead + dump_yaml(tree))

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from bench.realtime.tables import PROCESSES
 from energy_monitor.bag_channel import BagError
+from phil_base.atomic import together
 from phil_base.command_line import write_json
 from soak.judge import Verdict, judge_lists, judge_samples, quantity, times, trends
 from soak.looks import QUANTITIES, Sample
@@ -105,7 +106,8 @@ def _write(
     options: Options, soaked: Soaked, verdicts: Sequence[Verdict], found: Records | None, reported: Reported
 ) -> bool:
     if soaked.samples:
-        draw(soaked.samples, PROCESSES, options.out / "memory.png")
+        with together(options.out) as drafts:
+            draw(soaked.samples, PROCESSES, drafts / "memory.png")
     if not options.json:
         return True
     document = {

@@ -6,7 +6,9 @@ import argparse
 import importlib
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 
+from phil_base.atomic import together
 from phil_base.command_line import Parser
 from phil_study import command
 
@@ -79,7 +81,8 @@ def main() -> int:
                 last = time.monotonic()
 
         choice = {"solver": given.solver} if given.solver else {}
-        outcome: Outcome = module.run(given.quick, given.out, say, **choice)
+        with together(given.out) if given.out else nullcontext() as drafts:
+            outcome: Outcome = module.run(given.quick, drafts, say, **choice)
     command.show(outcome, terminal)
     if given.quick:
         terminal.print("This was a shortened run: verdicts are given on full runs.")

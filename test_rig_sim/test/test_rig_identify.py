@@ -115,6 +115,14 @@ def test_command_names_a_wrong_parameter(tmp_path: Path, capsys: pytest.CaptureF
     assert "drive.mass" in capsys.readouterr().err
 
 
+def test_command_names_a_place_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "absent" / "mine.yaml"
+    with pytest.raises(SystemExit) as ended:
+        main(["--out", str(out)])
+    assert ended.value.code == 2
+    assert f"--out {out} cannot be written: No such file or directory" in capsys.readouterr().err
+
+
 def test_file_tells_the_matrices(rig_parameters: Any, perfect: dict[str, Any]) -> None:
     found, _, _ = identify(rig_parameters(perfect))
     a, _ = pt2_matrices(found.natural_frequency_hz, found.damping, 0.002, found.delay)

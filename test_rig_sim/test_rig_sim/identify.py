@@ -25,6 +25,7 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 from scipy.signal import butter, lfilter, sosfilt
 
+from phil_base.atomic import write_text
 from phil_base.parameters import ParameterError, build, defaults, read_file
 from test_rig_sim.parameters import Parameters
 from test_rig_sim.rig import Rig
@@ -266,7 +267,10 @@ def main(arguments: list[str] | None = None) -> int:
     text = parameter_file(found, parameters.cycle_time, source)
     print(text, end="")
     if given.out:
-        given.out.write_text(text, encoding="utf-8")
+        try:
+            write_text(given.out, text)
+        except OSError as error:
+            parser.error(f"--out {given.out} cannot be written: {error.strerror}")
     return 0
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from catenary_model.absorbing.stencil import Array, Stencil
+from phil_base.atomic import write_text
 
 FORMAT = "absorbing-boundary-1"
 
@@ -121,7 +122,7 @@ def write_file(path: Path, stencil: Stencil, *boundaries: BoundaryStencil, **inf
         "boundaries": [{"side": b.side, "axis": b.axis, "coefficients": b.coefficients.tolist()} for b in boundaries],
         "info": info,
     }
-    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(data, indent=1) + "\n")
 
 
 def read_file(path: Path) -> tuple[Stencil, list[BoundaryStencil], dict[str, Any]]:

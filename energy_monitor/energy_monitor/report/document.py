@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
-from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -23,12 +22,6 @@ def document(report: Report) -> dict[str, Any]:
     head = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "ok": report.ok}
     body = {entry.name: _plain(getattr(report, entry.name)) for entry in fields(report) if entry.name != "series"}
     return head | body | {"units": dict(_units(Report, ""))}
-
-
-def write_document(report: Report, path: Path) -> Path:
-    """Write the document to a file as strict JSON (no NaN)."""
-    path.write_text(document_text(report), encoding="utf-8")
-    return path
 
 
 def document_text(report: Report) -> str:

@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from energy_monitor.report.results import Report, number, shown
 from energy_monitor.report.table import mark
+from phil_base.atomic import write_text
 
 CAPTIONS: Mapping[str, str] = {
     "ride": "Overview: both wires with droppers and pantograph at one instant, and the 2.5 s around it.",
@@ -47,7 +48,7 @@ CAPTIONS: Mapping[str, str] = {
 
 def write_page(report: Report, figures: Mapping[str, Path], path: Path) -> Path:
     """Write the page with the given PNG figures embedded."""
-    path.write_text(page(report, figures), encoding="utf-8")
+    write_text(path, page(report, figures))
     return path
 
 

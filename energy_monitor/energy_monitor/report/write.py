@@ -7,18 +7,17 @@ import sys
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from energy_monitor.analysis import Settings, analyse
 from energy_monitor.bag import Bag, BagError, read_bag
 from energy_monitor.bag_folder import base_name
 from energy_monitor.limits import LimitsError
-from energy_monitor.report.document import document_text, write_document
+from energy_monitor.report.document import document_text
 from energy_monitor.report.results import Report
 from energy_monitor.report.ride_parameters import parameters_of
 from energy_monitor.report.verdicts import STANDARD, Limits, read_limits
-from phil_base.atomic import whole
+from phil_base.atomic import together, write_text
 from phil_base.clear_words import clear
 from phil_base.parameters import ParameterError, defaults
 
@@ -80,8 +79,7 @@ def write_report(
             sys.stdout.write(document_text(report))
             sys.stdout.flush()
         else:
-            with whole(Path(json_file) if json_file else out / "report.json") as draft:
-                write_document(report, draft)
+            write_text(Path(json_file) if json_file else out / "report.json", document_text(report))
     except (BagError, ParameterError, LimitsError) as error:
         raise ReportError(str(error)) from error
     except OSError as error:
@@ -96,14 +94,12 @@ def _write_pictures(report: Report, out: Path) -> None:
     from energy_monitor.report.figures import draw_all
     from energy_monitor.report.html import write_page
 
-    with TemporaryDirectory(prefix=".report_", dir=out) as name:
-        drafts = Path(name)
+    with together(out) as drafts:
         figures = draw_all(report, drafts)
         write_page(report, figures, drafts / "report.html")
-        (out / "figures").mkdir(exist_ok=True)
+        (drafts / "figures").mkdir()
         for figure, file in figures.items():
-            file.replace(out / "ride.png" if figure == "ride" else out / "figures" / file.name)
-        (drafts / "report.html").replace(out / "report.html")
+            file.replace(drafts / "ride.png" if figure == "ride" else drafts / "figures" / file.name)
 
 
 def parameter_file(bag: Bag, given: Path | str | None) -> Path | None:

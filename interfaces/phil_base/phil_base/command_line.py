@@ -9,8 +9,10 @@ import os
 import re
 import sys
 from pathlib import Path, PurePath
+from tempfile import TemporaryFile
 from typing import NoReturn
 
+from phil_base.atomic import write_text
 from phil_base.clear_words import clear
 
 UNUSABLE = 2
@@ -38,14 +40,17 @@ class Parser(argparse.ArgumentParser):
             try:
                 with file.open("ab"):
                     pass
+                if file.is_file():  # what is written later is written beside it first
+                    with TemporaryFile(dir=file.resolve().parent):
+                        pass
             except OSError as error:
                 self.error(f"--json {file} cannot be written: {error.strerror}")
 
 
 def write_json(file: Path, document: object) -> bool:
-    """Write a document; False if it cannot be, which is then said: the disk may have filled up meanwhile."""
+    """Write a document whole; False if it cannot be, which is then said: the disk may have filled up meanwhile."""
     try:
-        file.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        write_text(file, json.dumps(document, indent=1) + "\n")
     except OSError as error:
         print(clear(f"--json {file} cannot be written: {error.strerror}"), file=sys.stderr)
         return False
