@@ -14,6 +14,7 @@ from phil_study import command
 
 NAMES = {
     "en50318": ("validate.en50318", "the reference model of EN 50318:2002 at 250 and 300 km/h"),
+    "statics": ("validate.statics", "elasticity of the line: a static push by all models, every preset"),
     "reference": ("validate.reference", "convergence and speed of the catenary-fixed reference"),
     "absorption": ("validate.absorption", "what the ends send back: wave packets, every kind, both directions"),
     "realtime": ("validate.realtime", "the real-time model against the catenary-fixed reference"),
