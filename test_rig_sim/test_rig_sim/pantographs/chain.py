@@ -1,12 +1,10 @@
 """A pantograph as a chain of masses from the car body over the frame to the head."""
 
 import numpy as np
-import numpy.typing as npt
 
+from phil_base.lumped import Lumped, tridiagonal
 from test_rig_sim.pantographs.frame import Frame
 from test_rig_sim.pantographs.motion import Pantograph, of_chain
-
-Array = npt.NDArray[np.float64]
 
 MAX_BODIES = 4
 
@@ -24,15 +22,9 @@ def chain(masses: list[float], springs: list[float], dashpots: list[float], fram
     if min(masses) <= 0.0 or min([*springs[1:], 1.0]) <= 0.0 or springs[0] < 0.0 or min(dashpots) < 0.0:
         raise ValueError("masses and springs must be positive (the lowest spring may be 0), dashpots not negative")
     mass = np.array(masses, dtype=np.float64)
-    return of_chain(mass, _tridiagonal(dashpots), _tridiagonal(springs), frame or Frame())
+    return of_chain(mass, np.array(tridiagonal(dashpots)), np.array(tridiagonal(springs)), frame or Frame())
 
 
-def _tridiagonal(links: list[float]) -> Array:
-    matrix = np.zeros((len(links), len(links)))
-    for i, link in enumerate(links):
-        matrix[i, i] += link
-        if i > 0:
-            matrix[i - 1, i - 1] += link
-            matrix[i, i - 1] -= link
-            matrix[i - 1, i] -= link
-    return matrix
+def lumped(data: Lumped) -> Pantograph:
+    """Return the chain of published masses."""
+    return chain(list(data.masses), list(data.springs), list(data.dashpots))
