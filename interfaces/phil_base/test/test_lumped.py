@@ -8,7 +8,7 @@ from phil_base.lumped import LUMPED, Lumped
 
 @pytest.mark.parametrize("data", LUMPED.values(), ids=LUMPED)
 def test_matrices_are_those_of_a_chain_that_hangs_on_the_car_body(data: Lumped) -> None:
-    """Equal displacement of all masses stretches the lowest link alone; each link pulls its two masses as it is long."""
+    """Equal displacement of all masses stretches the lowest link alone; a link pulls its two masses by its length."""
     n = len(data.masses)
     assert n == len(data.springs) == len(data.dashpots) and data.source
     for matrix, links in ((data.stiffness, data.springs), (data.damping, data.dashpots)):
