@@ -12,7 +12,7 @@ setup(
     name=NAME,
     version=VERSION,
     packages=find_packages(exclude=["build*", "lib*", "test*"]),
-    package_data={"faults": ["*.c"]},
+    package_data={"faults": ["*.c"], "validate": ["*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -15,6 +15,7 @@ from catenary_model.reference import Ride
 from phil_study.outcome import Outcome, Row, table
 from validate import __main__ as entry
 from validate import en50318
+from validate.reference_values import QUANTITIES
 
 
 @pytest.mark.parametrize(
@@ -85,28 +86,57 @@ def made_up_ride() -> Ride:
 
 def test_values_of_a_known_force() -> None:
     """1 Hz passes the 20 Hz filter (0.1 %); spans 5 and 6 are 4 to 6 s; supports 4, 5, 6 count, at most 46 mm."""
-    mean, sigma, high, low, largest, least, uplift, loss = en50318.values(made_up_ride())
-    assert (mean, sigma) == pytest.approx((100.0, 20.0), rel=2e-3)
-    assert (high, low) == pytest.approx((160.0, 40.0), rel=5e-3)
-    assert (largest, least) == pytest.approx((100.0 + 28.28, 100.0 - 28.28), rel=2e-3)
-    assert uplift == pytest.approx(46.0, rel=1e-6)
-    assert loss == 0.0
+    found = en50318.values(made_up_ride())
+    assert list(found) == list(QUANTITIES)
+    assert (found["mean"], found["sigma"]) == pytest.approx((100.0, 20.0), rel=2e-3)
+    assert (found["statistical_maximum"], found["statistical_minimum"]) == pytest.approx((160.0, 40.0), rel=5e-3)
+    assert (found["maximum"], found["minimum"]) == pytest.approx((100.0 + 28.28, 100.0 - 28.28), rel=2e-3)
+    assert found["uplift"] == pytest.approx(46.0, rel=1e-6)
+    assert found["height_range"] == pytest.approx(2000.0, abs=2.0)  # its contact point rises by 1 m/s
+    assert found["loss"] == 0.0
+
+
+def test_bands_of_a_force_of_two_frequencies() -> None:
+    """30 N at 2, 12 N at 11, 50 N at 100 Hz: each in its band, the last in none; 1 % for the flanks of the filters."""
+    record = made_up_ride()
+    for frequency, amplitude in ((2.0, 30.0), (11.0, 12.0), (100.0, 50.0)):
+        record.F[:] += amplitude * np.sin(2.0 * np.pi * frequency * record.t)
+    record.F[:] -= 20.0 * np.sqrt(2.0) * np.sin(2.0 * np.pi * record.t)
+    found = en50318.values(record)
+    assert found["sigma_0_5"] == pytest.approx(30.0 / np.sqrt(2.0), rel=1e-2)
+    assert found["sigma_5_20"] == pytest.approx(12.0 / np.sqrt(2.0), rel=1e-2)
+    assert found["sigma"] == pytest.approx(math.hypot(found["sigma_0_5"], found["sigma_5_20"]), rel=1e-2)
 
 
 def test_loss_of_contact_is_counted_before_the_filter() -> None:
     record = made_up_ride()
     record.F[5_000:5_002] = 0.0
-    assert en50318.values(record)[-1] == pytest.approx(100.0 * 2 / 2000)
+    assert en50318.values(record)["loss"] == pytest.approx(100.0 * 2 / 2000)
+    assert en50318.values(record)["loss_below_20_hz"] == 0.0
+    record.F[4_900:5_900] -= 200.0
+    found = en50318.values(record)
+    assert found["loss"] == pytest.approx(50.0, abs=0.3) and found["loss_below_20_hz"] == pytest.approx(50.0, abs=3.0)
 
 
 @pytest.mark.slow
 def test_quick_run_of_the_reference_model() -> None:
-    """All 16 rows with their ranges; they hold at the shortened run's coarser mesh as well."""
+    """All 16 rows with their ranges; they hold at the shortened run's coarser mesh as well. 2018 is not judged."""
     outcome = en50318.run(True, None, lambda _: None)
     judged = [row for row in outcome.rows if row.holds is not None]
     assert len(judged) == 16
     assert {row.case for row in judged} == {"250 km/h", "300 km/h"}
     assert [row.name for row in judged if not row.holds] == []
+    (sheet,) = outcome.sheets
+    used = {(row["set"], row["used"]) for row in sheet.rows}
+    assert used == {
+        ("en50318_2002", "verdict"),
+        ("second_code", "comparison"),
+        ("en50318_2018_ac_simple", "comparison"),
+    }
+    modern = [row for row in outcome.rows if row.case == "320 km/h"]
+    assert "unverified" in next(row.note for row in modern if row.name == "mean force")
+    notes = "\n".join(outcome.notes)
+    assert "for comparison only, no verdict" in notes and "withdrawn" in notes and "before any filter" in notes
 
 
 @pytest.mark.parametrize(("value", "code"), [(1.0, 0), (3.0, 1)])

@@ -109,7 +109,7 @@ def test_a_shortened_run_gives_rows_points_and_a_picture(tmp_path) -> None:
     assert outcome.holds and said
     document = json.loads(json.dumps(outcome.document()))
     points = document["points_of_en50318_2002"]
-    assert len(points) == 5
+    assert {point["what"] for point in points} == {"support", "dropper", "between"}
     assert set(points[0]["elasticity_mm_N"]) == {"mesh-free", *MODELS}
     assert all(0.19 < point["elasticity_mm_N"]["fe"][0] < 0.5 for point in points)
     for name, picture in outcome.pictures.items():

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 
 from phil_base.atomic import together
-from phil_base.command_line import Parser
+from phil_base.command_line import Parser, path
 from phil_study import command
 
 NAMES = {
-    "en50318": ("validate.en50318", "the reference model of EN 50318:2002 at 250 and 300 km/h"),
+    "en50318": ("validate.en50318", "the reference models of EN 50318: 2002 with verdicts, 2018 for comparison"),
     "statics": ("validate.statics", "elasticity of the line: a static push by all models, every preset"),
     "reference": ("validate.reference", "convergence and speed of the catenary-fixed reference"),
     "absorption": ("validate.absorption", "what the ends send back: wave packets, every kind, both directions"),
@@ -47,6 +47,12 @@ def parser() -> Parser:
         choices=SOLVERS,
         help=f"of impedance: the controller's solver ({SOLVERS[0]} if nothing is said)",
     )
+    made.add_argument(
+        "--values",
+        type=path,
+        metavar="FILE",
+        help="of en50318: reference values with edition, source and status, in place of those that come with it",
+    )
     return made
 
 
@@ -56,6 +62,15 @@ def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
     given = options.parse_args(argv)
     if given.solver and given.name != "impedance":
         options.error("--solver is for impedance only")
+    if given.values and given.name != "en50318":
+        options.error("--values is for en50318 only")
+    if given.values:
+        from validate.reference_values import ReferenceValuesError, load
+
+        try:
+            load(given.values)
+        except ReferenceValuesError as error:
+            options.error(f"--values {error}")
     options.check_places(given.json, given.out)
     return given
 
@@ -82,6 +97,7 @@ def main() -> int:
                 last = time.monotonic()
 
         choice = {"solver": given.solver} if given.solver else {}
+        choice |= {"file": given.values} if given.values else {}
         with together(given.out) if given.out else nullcontext() as drafts:
             outcome: Outcome = module.run(given.quick, drafts, say, **choice)
     command.show(outcome, terminal)

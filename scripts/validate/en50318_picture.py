@@ -29,7 +29,7 @@ class Evaluated(NamedTuple):
     sigma: float
 
 
-def draw(rides: Mapping[int, Evaluated], between: tuple[float, float], span: float, path: Path) -> None:
+def draw(rides: Mapping[float, Evaluated], between: tuple[float, float], span: float, path: Path) -> None:
     """Draw force below 20 Hz (and as it is, faint) of every speed, and the uplift of the supports as it passes.
 
     ``between`` is the stretch that is evaluated, ``span`` the length of a span, m.
@@ -49,7 +49,7 @@ def draw(rides: Mapping[int, Evaluated], between: tuple[float, float], span: flo
                 axis.axvline(mast + position, ymax=0.03, color="k", lw=0.8)
             axis.axvline(mast, color="k", lw=0.8, alpha=0.5)
         axis.set(
-            title=f"{speed} km/h: mean {mean:.1f} N, sigma {sigma:.1f} N (band: mean +- 3 sigma)",
+            title=f"{speed:g} km/h: mean {mean:.1f} N, sigma {sigma:.1f} N (band: mean +- 3 sigma)",
             ylabel="force in N",
             xlim=between,
         )
@@ -58,7 +58,7 @@ def draw(rides: Mapping[int, Evaluated], between: tuple[float, float], span: flo
             if first - 1.0 < support < last + 1.0:
                 away = record.zeta - support
                 near = abs(away) < span
-                label = f"{speed} km/h" if support < first + 1.0 else None
+                label = f"{speed:g} km/h" if support < first + 1.0 else None
                 axes[-1].plot(away[near], 1e3 * record.uplift[near, i], color=colour, lw=1.0, label=label)
     axes[-2].set_xlabel("track position in m (ticks: droppers)")
     axes[-1].set(xlabel="pantograph past the support in m", ylabel="uplift in mm", title="Uplift of the contact wire")

@@ -34,15 +34,15 @@ from catenary_model.line import Line
 from catenary_model.line_file import load_line
 from catenary_model.pantograph import Pantograph
 from catenary_model.ride import PIECE, ride
-from energy_monitor import limits
 from energy_monitor.contact_quality import CUTOFF
 from phil_study.outcome import Outcome, Row
 from test_rig_sim.pantographs import PANTOGRAPHS
 from validate.en50318 import CONTACT_STIFFNESS
+from validate.mean_force import target
 from validate.realtime_sheet import SideBySide
 from validate.realtime_signals import Agreement, Signals, agreement
 
-__all__ = ["Agreement", "Signals", "agreement", "run"]
+__all__ = ["Agreement", "Signals", "agreement", "run", "target"]
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -90,17 +90,6 @@ GOALS: dict[tuple[int, int], dict[str, tuple[float | None, float | None]]] = {
 def line() -> Line:
     """Return Table 3.1's line."""
     return load_line("en50318_2002")
-
-
-@cache
-def target(speed: int) -> float:
-    """Return the upper limit of the mean force at this speed (km/h) by EN 50367, AC lines, N."""
-    for rule in limits.load()["en50367_ac"].rules:
-        if rule.quantity == "mean":
-            found = rule.range_at(float(speed))
-            if found is not None and found.high is not None:
-                return found.high.at(float(speed), 0.0)
-    raise ValueError(f"EN 50367 has no limit of the mean force at {speed} km/h")
 
 
 def pantograph(kind: str, uplift: float) -> Pantograph:
