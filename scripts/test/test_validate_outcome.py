@@ -81,6 +81,7 @@ def made_up_ride() -> Ride:
         uplift,
         none,
         none.reshape(0, 2, 0),
+        np.full(t.size, 60.0),
     )
 
 

@@ -275,6 +275,7 @@ def moving_ride(speed: float, setting: Setting, say: Say = lambda _: None) -> Ri
         uplift=uplift,
         snapshot_t=nothing,
         snapshots=nothing.reshape(0, 2, 0),
+        speed=np.full(cycles, v),
     )
 
 

@@ -24,6 +24,7 @@ from catenary_model.reference.ride import Ride
 from catenary_model.reference.sites import repeated
 from catenary_model.reference.wires import wires
 from catenary_model.statics import MAST
+from catenary_model.travel import Travel, constant
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,9 @@ class Config:
 
     line: Line = field(default_factory=Line)
     speed: float = 250.0 / 3.6
-    """v, m/s."""
+    """v, m/s, unless there is a `travel`."""
+    travel: Travel | None = None
+    """A journey whose speed changes, in the place of `speed`; its place is counted from `start_position` on."""
     spans: int = 28
     """Spans on the mesh, taken from the line's sequence."""
     first_span: int = 0
@@ -68,6 +71,8 @@ class Config:
             raise ValueError(f"spans = {self.spans} and max_slack_iterations = {self.max_slack_iterations} must be > 0")
         if self.ends not in ENDS:
             raise ValueError(f"ends = {self.ends!r} is not one of {', '.join(ENDS)}")
+        if self.travel is not None:
+            self.travel.refuse_too_fast(self.line)
 
 
 class Reference:
@@ -99,6 +104,7 @@ class Reference:
         if start is None:
             start = self.mesh.start + 1.5 * (self.mesh.end - self.mesh.start) / config.spans
         self.start_position = start
+        self.travel = constant(config.speed) if config.travel is None else config.travel
         self._reach = (self.links.influence.shape[2] // 2 + 1) * self.mesh.h
         self._end_of_track(start)
         self.reset()
@@ -120,7 +126,7 @@ class Reference:
     ) -> Ride:
         """Let a pantograph ride for `duration` s, from rest of the line.
 
-        It starts at full speed with all its masses at the height of the wire, touching without force; its uplift
+        It starts at its first speed with all its masses at the height of the wire, touching without force; its uplift
         comes up within `ramp` s as (1 - cos)/2. `snapshot_every` s the wires' heights are kept. `progress` is called
         with the share done (1). Raises ValueError if the ride would leave the mesh.
         """
@@ -164,20 +170,21 @@ class Reference:
         config, ts = self.config, self.config.time_step
         if steps < 1:
             raise ValueError("a ride needs at least one step")
-        self._end_of_track(self.start_position + config.speed * ts * (int(self.state.counter[step.STEP]) + steps))
-        track = np.array([self.mesh.start, self.mesh.h, self.start_position, config.speed, ts, max(ramp, 1e-12)])
-        real, whole = np.zeros((6, steps)), np.zeros((2, steps), dtype=np.int64)
+        self._end_of_track(self.start_position + self.travel.at(ts * (int(self.state.counter[step.STEP]) + steps))[0])
+        track = np.array([self.mesh.start, self.mesh.h, self.start_position, ts, max(ramp, 1e-12)])
+        real, whole = np.zeros((7, steps)), np.zeros((2, steps), dtype=np.int64)
         uplift = np.zeros((steps, self.supports.size))
         chunk = _CHUNK if snapshot_every is None else max(1, round(snapshot_every / ts))
         snapshots, times = [], []
         for first in range(0, steps, chunk):
             part = slice(first, min(first + chunk, steps))
-            columns = np.zeros((6, part.stop - first)), np.zeros((2, part.stop - first), dtype=np.int64)
+            columns = np.zeros((7, part.stop - first)), np.zeros((2, part.stop - first), dtype=np.int64)
             ride.run(
                 self.wires,
                 self.links,
                 self.state,
                 track,
+                self.travel.table,
                 self.static,
                 constants,
                 state,
@@ -207,6 +214,7 @@ class Reference:
             uplift=uplift,
             snapshot_t=np.array(times),
             snapshots=np.array(snapshots) if snapshots else np.zeros((0, 2, self.mesh.nodes)),
+            speed=real[ride.SPEED],
         )
 
     def heights(self) -> Array:

@@ -12,13 +12,14 @@ from catenary_model.cycle import soft_start_share
 from catenary_model.reference import step
 from catenary_model.reference.links import Links
 from catenary_model.reference.wires import Wires
+from catenary_model.travel import motion
 from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-T, ZETA, W, V, F, HEAD = range(6)
+T, ZETA, W, V, F, HEAD, SPEED = range(7)
 """Rows of the real record."""
 SLACK, ITERATIONS = range(2)
 """Rows of the whole record."""
@@ -52,6 +53,8 @@ class Ride:
     """Times of the snapshots, s, (snapshots,)."""
     snapshots: Array
     """Heights of carrier and contact wire at the nodes, m, (snapshots, 2, nodes)."""
+    speed: Array
+    """Speed of the train, m/s, (steps,)."""
 
     def between(self, start: float, end: float) -> Flags:
         """Mark the steps in which the contact point was at or past start and before end (track positions, m)."""
@@ -91,6 +94,7 @@ def run(
     c: Links,
     s: step.State,
     track: Array,
+    travel: Array,
     static: Array,
     p: pantograph.Constants,
     ps: pantograph.State,
@@ -102,17 +106,18 @@ def run(
     uplift: Array,
     most: int,
 ) -> None:
-    """Run as many steps as `real` has columns; `track` is start of the mesh, h, start of the ride, speed, Ts, ramp.
+    """Run as many steps as `real` has columns; `track` is start of the mesh, h, start of the ride, Ts, ramp.
 
-    `given` holds a force per step, or nothing: then the pantograph rides. The record goes into `real`, `whole` and
-    `uplift`.
+    `travel` is the table of the journey; place and speed of each instant are exact, not integrated along. `given` holds
+    a force per step, or nothing: then the pantograph rides. The record goes into `real`, `whole` and `uplift`.
     """
-    start, h, origin, speed, ts, ramp = track[0], track[1], track[2], track[3], track[4], track[5]
+    start, h, origin, ts, ramp = track[0], track[1], track[2], track[3], track[4]
     for i in range(real.shape[1]):
         s.counter[step.STEP] += 1
         t = ts * s.counter[step.STEP]
         step.free_step(w, c, s)
-        step.place(w, c, s, static, origin + speed * t, speed, start, h)
+        travelled, speed, _ = motion(travel, t)
+        step.place(w, c, s, static, origin + travelled, speed, start, h)
         head, force = np.nan, 0.0
         if given.size > 0:
             force = given[i]
@@ -124,6 +129,7 @@ def run(
             head = ps.y[0, ps.y.shape[1] - 1]
         real[T, i], real[ZETA, i], real[W, i] = t, s.point[step.ZETA], s.point[step.HEIGHT]
         real[V, i], real[F, i], real[HEAD, i] = s.point[step.VELOCITY], force, head
+        real[SPEED, i] = speed
         whole[SLACK, i], whole[ITERATIONS, i] = s.counter[step.SLACK], s.counter[step.ITERATIONS]
         for j in range(support_element.size):
             e = support_element[j]
