@@ -192,10 +192,10 @@ def test_contact_stiffness_under_a_dropper_and_between() -> None:
     """The wire's compliance in one step is positive, and smaller where a clamp with its mass and spring holds it."""
     r = reference(start_position=75.0, time_step=5e-3)
     r.push(np.zeros(1))
-    at_clamp = r.state.point[step.COMPLIANCE]
+    at_clamp = r.state.point[0, step.COMPLIANCE]
     r = reference(start_position=80.0, time_step=5e-3)
     r.push(np.zeros(1))
-    assert 0.0 < at_clamp < r.state.point[step.COMPLIANCE]
+    assert 0.0 < at_clamp < r.state.point[0, step.COMPLIANCE]
 
 
 def test_ends_do_not_disturb_the_middle() -> None:

@@ -230,7 +230,7 @@ def test_slack_dropper_gives_up_its_static_force() -> None:
     reference.push(record.F[: k + 1])
     slack = np.flatnonzero(reference.state.acting == 0)
     assert slack.size == record.slack[k] > 0
-    np.testing.assert_array_equal(reference.state.force[2, slack], -reference.links.rest[slack, 1])
+    np.testing.assert_array_equal(reference.state.force[1, slack], -reference.links.rest[slack, 1])
     stretch = [
         reference.links.rest[j, 0] + step.elongation(reference.links, j, reference.state.q[0]) for j in slack.tolist()
     ]

@@ -3,5 +3,6 @@
 from catenary_model.pantograph import Pantograph
 from catenary_model.reference.model import Config, Reference
 from catenary_model.reference.ride import Ride
+from catenary_model.reference.train import Mounted
 
-__all__ = ["Config", "Pantograph", "Reference", "Ride"]
+__all__ = ["Config", "Mounted", "Pantograph", "Reference", "Ride"]

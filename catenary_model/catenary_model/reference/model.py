@@ -7,13 +7,12 @@ equilibrium *of the mesh* (`equilibrium`), by Newmark's method with everything, 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model import pantograph as panto
 from catenary_model import statics
 from catenary_model.line import Line
 from catenary_model.pantograph import Pantograph
@@ -22,6 +21,7 @@ from catenary_model.reference.links import ENDS, links
 from catenary_model.reference.mesh import mesh_spans
 from catenary_model.reference.ride import Ride
 from catenary_model.reference.sites import repeated
+from catenary_model.reference.train import Mounted, Train, mounted, train
 from catenary_model.reference.wires import wires
 from catenary_model.statics import MAST
 from catenary_model.travel import Travel, constant
@@ -110,8 +110,8 @@ class Reference:
         self.reset()
 
     def reset(self) -> None:
-        """Go back to rest, with the contact point at the start position."""
-        fresh = step.state(self.mesh.nodes, self.links)
+        """Go back to rest, with the leading contact point at the start position."""
+        fresh = step.state(self.mesh.nodes, self.links, self.state.point.shape[0])
         for array, new in zip(self.state, fresh, strict=True):
             array[...] = new
         step.factor(self.links, self.state, 0)
@@ -130,12 +130,34 @@ class Reference:
         comes up within `ramp` s as (1 - cos)/2. `snapshot_every` s the wires' heights are kept. `progress` is called
         with the share done (1). Raises ValueError if the ride would leave the mesh.
         """
-        config = self.config
-        self.reset()
-        constants = panto.constants(pantograph, config.time_step, config.newmark_beta, config.newmark_gamma)
-        state = panto.at_rest(pantograph, float(self.height(self.start_position)))
-        steps = round(duration / config.time_step)
-        return self._run(steps, constants, state, np.zeros(0), ramp, snapshot_every, progress)
+        return self.ride_together([Mounted(pantograph)], duration, ramp, snapshot_every, progress)[0]
+
+    def ride_together(
+        self,
+        pantographs: Iterable[Mounted | tuple[Pantograph, float, float | None]],
+        duration: float,
+        ramp: float = 1.0,
+        snapshot_every: float | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> tuple[Ride, ...]:
+        """Let the pantographs of one train ride, as `ride` does with one; return the record of each, in their order.
+
+        Each is a pantograph, its distance behind the leading one (m) and its static force (N; None: its own uplift).
+        The start position is the leading one's. Time, slack droppers, uplift of the masts and snapshots are the same in
+        all records. Raises ValueError naming the pantograph whose place is not allowed; nor may one leave the mesh.
+        """
+        entries = mounted(pantographs, self.mesh.h)
+        for i, entry in enumerate(entries):
+            self._behind_on_track(f"pantographs[{i}].behind", entry.behind)
+        order = sorted(range(len(entries)), key=lambda i: entries[i].behind)
+        ordered = [entries[i] for i in order]
+        self._go_to_rest(len(entries))
+        heights = [float(self.height(self.start_position - entry.behind)) for entry in ordered]
+        steps = round(duration / self.config.time_step)
+        coupled = self._train(ordered, heights)
+        nothing = np.zeros((0, len(entries)))
+        records = self._run(steps, coupled, nothing, ramp, snapshot_every, progress)
+        return tuple(records[order.index(i)] for i in range(len(entries)))
 
     def push(
         self,
@@ -149,36 +171,66 @@ class Reference:
         Unless `fresh`, the line goes on from its present state, the force from where the last one left off. Raises
         ValueError if they would leave the mesh.
         """
+        return self.push_together(force[:, np.newaxis], (0.0,), snapshot_every, progress, fresh)[0]
+
+    def push_together(
+        self,
+        force: Array,
+        behind: Sequence[float],
+        snapshot_every: float | None = None,
+        progress: Callable[[float], None] | None = None,
+        fresh: bool = True,
+    ) -> tuple[Ride, ...]:
+        """Let given forces run one behind the other, as `push` does with one; return the record of each.
+
+        `force` is (steps, contacts) in N; `behind` are the distances (m) from the leading one, which is at 0, rising.
+        Raises ValueError for a distance that is not allowed, and if one would leave the mesh.
+        """
+        nobody = Pantograph.of([1.0], [[0.0]], [[0.0]], 0.0)
+        entries = mounted([Mounted(nobody, distance) for distance in behind], self.mesh.h)
+        if list(behind) != sorted(behind):
+            raise ValueError(f"behind = {list(behind)} m: allowed are distances that rise from 0 m on")
+        for i, entry in enumerate(entries):
+            self._behind_on_track(f"behind[{i}]", entry.behind)
         if fresh:
-            self.reset()
-        nothing = Pantograph.of([1.0], [[0.0]], [[0.0]], 0.0)
-        config = self.config
-        constants = panto.constants(nothing, config.time_step, config.newmark_beta, config.newmark_gamma)
+            self._go_to_rest(len(entries))
+        else:
+            self.state = step.of_contacts(self.state, len(entries))
         given = np.ascontiguousarray(force, dtype=np.float64)
-        return self._run(given.size, constants, panto.at_rest(nothing, 0.0), given, 0.0, snapshot_every, progress)
+        if given.ndim != 2 or given.shape[1] != len(entries):
+            raise ValueError(f"force has shape {given.shape}; allowed is (steps, {len(entries)})")
+        coupled = self._train(entries, [0.0] * len(entries))
+        return self._run(given.shape[0], coupled, given, 0.0, snapshot_every, progress)
+
+    def _go_to_rest(self, contacts: int) -> None:
+        self.state = step.of_contacts(self.state, contacts)
+        self.reset()
+
+    def _train(self, entries: Sequence[Mounted], heights: Sequence[float]) -> Train:
+        config = self.config
+        return train(entries, heights, config.time_step, config.newmark_beta, config.newmark_gamma)
 
     def _run(
         self,
         steps: int,
-        constants: panto.Constants,
-        state: panto.State,
+        coupled: Train,
         given: Array,
         ramp: float,
         snapshot_every: float | None,
         progress: Callable[[float], None] | None,
-    ) -> Ride:
+    ) -> tuple[Ride, ...]:
         config, ts = self.config, self.config.time_step
         if steps < 1:
             raise ValueError("a ride needs at least one step")
         self._end_of_track(self.start_position + self.travel.at(ts * (int(self.state.counter[step.STEP]) + steps))[0])
         track = np.array([self.mesh.start, self.mesh.h, self.start_position, ts, max(ramp, 1e-12)])
-        real, whole = np.zeros((7, steps)), np.zeros((2, steps), dtype=np.int64)
+        real, whole = np.zeros((coupled.behind.size, 7, steps)), np.zeros((2, steps), dtype=np.int64)
         uplift = np.zeros((steps, self.supports.size))
         chunk = _CHUNK if snapshot_every is None else max(1, round(snapshot_every / ts))
         snapshots, times = [], []
         for first in range(0, steps, chunk):
             part = slice(first, min(first + chunk, steps))
-            columns = np.zeros((7, part.stop - first)), np.zeros((2, part.stop - first), dtype=np.int64)
+            columns = np.zeros((*real.shape[:2], part.stop - first)), np.zeros((2, part.stop - first), dtype=np.int64)
             ride.run(
                 self.wires,
                 self.links,
@@ -186,8 +238,7 @@ class Reference:
                 track,
                 self.travel.table,
                 self.static,
-                constants,
-                state,
+                coupled,
                 given[part],
                 self._support_element,
                 self._support_psi,
@@ -195,26 +246,30 @@ class Reference:
                 uplift[part],
                 config.max_slack_iterations,
             )
-            real[:, part], whole[:, part] = columns
+            real[:, :, part], whole[:, part] = columns
             if snapshot_every is not None:
                 snapshots.append(self.heights())
-                times.append(float(real[ride.T, part.stop - 1]))
+                times.append(float(real[0, ride.T, part.stop - 1]))
             if progress is not None:
                 progress(part.stop / steps)
-        return Ride(
-            t=real[ride.T],
-            zeta=real[ride.ZETA],
-            w=real[ride.W],
-            v=real[ride.V],
-            F=real[ride.F],
-            head=real[ride.HEAD],
-            slack=whole[ride.SLACK],
-            iterations=whole[ride.ITERATIONS],
-            supports=self.supports,
-            uplift=uplift,
-            snapshot_t=np.array(times),
-            snapshots=np.array(snapshots) if snapshots else np.zeros((0, 2, self.mesh.nodes)),
-            speed=real[ride.SPEED],
+        kept = np.array(snapshots) if snapshots else np.zeros((0, 2, self.mesh.nodes))
+        return tuple(
+            Ride(
+                t=row[ride.T],
+                zeta=row[ride.ZETA],
+                w=row[ride.W],
+                v=row[ride.V],
+                F=row[ride.F],
+                head=row[ride.HEAD],
+                slack=whole[ride.SLACK],
+                iterations=whole[ride.ITERATIONS],
+                supports=self.supports,
+                uplift=uplift,
+                snapshot_t=np.array(times),
+                snapshots=kept,
+                speed=row[ride.SPEED],
+            )
+            for row in real
         )
 
     def heights(self) -> Array:
@@ -241,4 +296,12 @@ class Reference:
         if not first <= zeta <= last:
             raise ValueError(
                 f"the contact point would be at {zeta:.1f} m; it has to stay between {first:.1f} and {last:.1f} m"
+            )
+
+    def _behind_on_track(self, name: str, behind: float) -> None:
+        most = self.start_position - self.mesh.start - self._reach
+        if behind > most:
+            raise ValueError(
+                f"{name} = {behind:g} m: allowed is at most {most:g} m, where the meshed track begins behind the start "
+                f"at {self.start_position:g} m"
             )

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model import pantograph
 from catenary_model.cycle import soft_start_share
 from catenary_model.reference import step
+from catenary_model.reference import train as trains
 from catenary_model.reference.links import Links
 from catenary_model.reference.wires import Wires
 from catenary_model.travel import motion
@@ -62,21 +62,18 @@ class Ride:
 
 
 @njit(cache=True, fastmath=False)
-def settle(
-    w: Wires, c: Links, s: step.State, p: pantograph.Constants, head: float, given: float, most: int, speed: float
-) -> float:
-    """Bring slack droppers and contact force of a step to agreement; return the force (N).
+def settle(w: Wires, c: Links, s: step.State, t: trains.Train, rides: bool, most: int, speed: float) -> None:
+    """Bring slack droppers and contact forces of a step to agreement.
 
-    `head` is the pantograph's y_free (m), or NaN: then the force is `given` (N).
+    If the train `rides` its heads find the forces; else they are given in `t.force`.
     """
     iterations = 0
-    force = given
     while True:
         step.respond(c, s)
-        if not np.isnan(head):
-            force = pantograph.contact_force(p, head, s.point[step.W_FREE], s.point[step.COMPLIANCE])
+        if rides:
+            trains.push(t, s)
         iterations += 1
-        first = step.recheck(c, s, force)
+        first = step.recheck(c, s, t.force)
         if first < 0:
             break
         step.factor(c, s, first)
@@ -84,8 +81,7 @@ def settle(
             s.counter[step.UNSETTLED] += 1
             break
     s.counter[step.ITERATIONS] = iterations
-    step.take(w, c, s, force, speed)
-    return force
+    step.take(w, c, s, t.force, speed)
 
 
 @njit(cache=True, fastmath=False)
@@ -96,8 +92,7 @@ def run(
     track: Array,
     travel: Array,
     static: Array,
-    p: pantograph.Constants,
-    ps: pantograph.State,
+    train: trains.Train,
     given: Array,
     support_element: Ints,
     support_psi: Array,
@@ -106,30 +101,35 @@ def run(
     uplift: Array,
     most: int,
 ) -> None:
-    """Run as many steps as `real` has columns; `track` is start of the mesh, h, start of the ride, Ts, ramp.
+    """Run as many steps as `whole` has columns; `track` is start of the mesh, h, start of the ride, Ts, ramp.
 
     `travel` is the table of the journey; place and speed of each instant are exact, not integrated along. `given` holds
-    a force per step, or nothing: then the pantograph rides. The record goes into `real`, `whole` and `uplift`.
+    the forces of each step, (steps, contacts), or nothing: then the pantographs ride. The record goes into `real`,
+    (contacts, rows, steps), `whole` and `uplift`.
     """
     start, h, origin, ts, ramp = track[0], track[1], track[2], track[3], track[4]
-    for i in range(real.shape[1]):
+    rides = given.size == 0
+    contacts = train.behind.size
+    for i in range(whole.shape[1]):
         s.counter[step.STEP] += 1
         t = ts * s.counter[step.STEP]
         step.free_step(w, c, s)
         travelled, speed, _ = motion(travel, t)
-        step.place(w, c, s, static, origin + travelled, speed, start, h)
-        head, force = np.nan, 0.0
-        if given.size > 0:
-            force = given[i]
+        for p in range(contacts):
+            step.place(c, s, p, static, origin + travelled - train.behind[p], speed, start, h)
+        if rides:
+            trains.begin(train, soft_start_share(t, ramp))
         else:
-            head = pantograph.free(p, ps, soft_start_share(t, ramp))
-        force = settle(w, c, s, p, head, force, most, speed)
-        if given.size == 0:
-            pantograph.finish(p, ps, force)
-            head = ps.y[0, ps.y.shape[1] - 1]
-        real[T, i], real[ZETA, i], real[W, i] = t, s.point[step.ZETA], s.point[step.HEIGHT]
-        real[V, i], real[F, i], real[HEAD, i] = s.point[step.VELOCITY], force, head
-        real[SPEED, i] = speed
+            for p in range(contacts):
+                train.force[p] = given[i, p]
+        settle(w, c, s, train, rides, most, speed)
+        if rides:
+            trains.finish(train)
+        for p in range(contacts):
+            point, row = s.point[p], real[p]
+            row[T, i], row[ZETA, i], row[W, i] = t, point[step.ZETA], point[step.HEIGHT]
+            row[V, i], row[F, i], row[SPEED, i] = point[step.VELOCITY], train.force[p], speed
+            row[HEAD, i] = train.state.y[0, train.head[p]] if rides else np.nan
         whole[SLACK, i], whole[ITERATIONS, i] = s.counter[step.SLACK], s.counter[step.ITERATIONS]
         for j in range(support_element.size):
             e = support_element[j]

@@ -2,11 +2,12 @@
 
     wires     A q* = M (...)                               the step without links and contact (`wires`)
     links     (C + 1/K) lambda = g . q* - ref + d F        lambda = -F_s for slack droppers (`links`)
-    contact   w(k+1) = w_free + C_w F,  d_j = g_j . h_p    h_p: column of the contact point, from one table
-    result    q = q* - sum_j h_j lambda_j + h_p F
+    contacts  w_p(k+1) = w_free,p + sum_q C_pq F_q,  d_jp = g_j . h_p    h_p: column of a contact point, from one table
+    result    q = q* - sum_j h_j lambda_j + sum_p h_p F_p
 
 The slack state belongs to the step: after the solve every dropper is asked whether it is taut; where one disagrees the
-small band matrix is factored again from its row on, until all agree. The contact force is settled within that loop.
+small band matrix is factored again from its row on, until all agree. The contact forces are settled within that loop,
+see `train`.
 """
 
 from __future__ import annotations
@@ -26,13 +27,15 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 # entries of State.counter
-STEP, SLACK, ITERATIONS, UNSETTLED, ELEMENT, FIRST_NEAR, LAST_NEAR = range(7)
+STEP, SLACK, ITERATIONS, UNSETTLED = range(4)
+# entries of State.where
+ELEMENT, FIRST_NEAR, LAST_NEAR = range(3)
 # entries of State.point
 ZETA, W_STATIC, V_STATIC, W_FREE, COMPLIANCE, FORCE, HEIGHT, VELOCITY = range(8)
 
 
 class State(NamedTuple):
-    """All that a step changes; every array is allocated once."""
+    """All that a step changes; every array is allocated once. Contact points are counted from the front."""
 
     q: Array
     """Deviation from the equilibrium, velocity, acceleration, (3, 4, nodes)."""
@@ -40,8 +43,12 @@ class State(NamedTuple):
     """1 for a link that acts, 0 for a slack dropper, (links,)."""
     counter: Ints
     """Whole numbers, see STEP, ..."""
+    where: Ints
+    """Elements and links around each contact point, see ELEMENT, ...; (contacts, 3)."""
     point: Array
-    """The contact point, see ZETA, ..."""
+    """The contact points, see ZETA, ...; (contacts, 8)."""
+    between: Array
+    """C_pq, m/N, (contacts, contacts)."""
     z: Array
     """Work, (4, nodes)."""
     y: Array
@@ -49,31 +56,51 @@ class State(NamedTuple):
     free: Array
     """Elongations g . q* of the links without forces, and their ref, m, (2, links)."""
     near: Array
-    """d_j, m/N, (links,): zero but for links around the contact point."""
+    """d_j, m/N, (contacts, links): zero but for links around the contact point."""
     force: Array
-    """lambda = force[0] + force[1] F, N and 1; lambda itself in force[2]; (3, links)."""
+    """lambda without contact forces, and lambda itself, N, (2, links)."""
+    unit: Array
+    """What a unit of each contact force adds to lambda, 1, (contacts, links)."""
     lower: Array
     """Factors L D L^T of C + 1/K, D in the last column, (links, band + 1)."""
     psi: Array
-    """Shape functions at the contact point, their slopes, column h_p of a station; (3, 4)."""
+    """Shape functions at each contact point, their slopes, column h_p of a station; (contacts, 3, 4)."""
 
 
-def state(nodes: int, links: Links) -> State:
+def state(nodes: int, links: Links, contacts: int = 1) -> State:
     """Allocate the state of rest."""
     n, band = links.coupling.shape[0], links.coupling.shape[1]
     acting = np.where((links.one_sided == 1) & (links.rest[:, 0] <= 0.0), 0, 1).astype(np.int64)
     return State(
         q=np.zeros((3, 4, nodes)),
         acting=acting,
-        counter=np.zeros(8, dtype=np.int64),
-        point=np.zeros(8),
+        counter=np.zeros(4, dtype=np.int64),
+        where=np.zeros((contacts, 3), dtype=np.int64),
+        point=np.zeros((contacts, 8)),
+        between=np.zeros((contacts, contacts)),
         z=np.zeros((4, nodes)),
         y=np.zeros((4, nodes)),
         free=np.zeros((2, n)),
-        near=np.zeros(n),
-        force=np.zeros((3, n)),
+        near=np.zeros((contacts, n)),
+        force=np.zeros((2, n)),
+        unit=np.zeros((contacts, n)),
         lower=np.zeros((n, band)),
-        psi=np.zeros((3, 4)),
+        psi=np.zeros((contacts, 3, 4)),
+    )
+
+
+def of_contacts(s: State, contacts: int) -> State:
+    """Return the same state of the wires with room for so many contact points."""
+    if s.point.shape[0] == contacts:
+        return s
+    n = s.unit.shape[1]
+    return s._replace(
+        where=np.zeros((contacts, 3), dtype=np.int64),
+        point=np.zeros((contacts, 8)),
+        between=np.zeros((contacts, contacts)),
+        near=np.zeros((contacts, n)),
+        unit=np.zeros((contacts, n)),
+        psi=np.zeros((contacts, 3, 4)),
     )
 
 
@@ -138,33 +165,33 @@ def _solve_links(s: State, x: Array, first: int) -> None:
 
 
 @njit(cache=True, fastmath=False)
-def _near(c: Links, s: State, zeta: float, start: float, h: float) -> None:
-    """Place the contact point at track position zeta (m): shape functions, and d_j of the links around it."""
+def _near(c: Links, s: State, p: int, zeta: float, start: float, h: float) -> None:
+    """Place contact point p at track position zeta (m): shape functions, and d_j of the links around it."""
     e = int((zeta - start) / h)
-    psi = s.psi[0]
+    psi, slope, where, near = s.psi[p, 0], s.psi[p, 1], s.where[p], s.near[p]
     xi = (zeta - start) / h - e
     shape_functions(xi, h, psi)
-    s.psi[1, 0] = 6.0 * (xi * xi - xi) / h
-    s.psi[1, 1] = 1.0 - 4.0 * xi + 3.0 * xi * xi
-    s.psi[1, 2] = -s.psi[1, 0]
-    s.psi[1, 3] = 3.0 * xi * xi - 2.0 * xi
-    for j in range(s.counter[FIRST_NEAR], s.counter[LAST_NEAR]):
-        s.near[j] = 0.0
+    slope[0] = 6.0 * (xi * xi - xi) / h
+    slope[1] = 1.0 - 4.0 * xi + 3.0 * xi * xi
+    slope[2] = -slope[0]
+    slope[3] = 3.0 * xi * xi - 2.0 * xi
+    for j in range(where[FIRST_NEAR], where[LAST_NEAR]):
+        near[j] = 0.0
     reach = c.influence.shape[2] // 2
     n = c.element.size
-    first = s.counter[FIRST_NEAR] if e >= s.counter[ELEMENT] else 0
+    first = where[FIRST_NEAR] if e >= where[ELEMENT] else 0
     while first < n and c.element[first] < e - reach:
         first += 1
     last = first
     while last < n and c.element[last] <= e + reach:
         if c.fields[last, 1] == 4:
-            s.near[last] = _answer(c, s, e, c.element[last], c.g[last, 2], c.g[last, 3])
+            near[last] = _answer(c, psi, e, c.element[last], c.g[last, 2], c.g[last, 3])
         last += 1
-    s.counter[ELEMENT], s.counter[FIRST_NEAR], s.counter[LAST_NEAR] = e, first, last
+    where[ELEMENT], where[FIRST_NEAR], where[LAST_NEAR] = e, first, last
 
 
 @njit(cache=True, fastmath=False)
-def _answer(c: Links, s: State, e: int, at: int, gw: Array, gp: Array) -> float:
+def _answer(c: Links, psi: Array, e: int, at: int, gw: Array, gp: Array) -> float:
     """Return g . h_p for g on the contact wire's two stations of element `at`, the contact point in element e; m/N."""
     reach = c.influence.shape[2] // 2
     total = 0.0
@@ -173,59 +200,70 @@ def _answer(c: Links, s: State, e: int, at: int, gw: Array, gp: Array) -> float:
             o = at + station - (e + source) + reach
             if 0 <= o <= 2 * reach:
                 for moment in range(2):
-                    share = s.psi[0, 2 * source + moment]
+                    share = psi[2 * source + moment]
                     total += share * (gw[station] * c.influence[moment, 0, o] + gp[station] * c.influence[moment, 1, o])
     return total
 
 
 @njit(cache=True, fastmath=False)
-def place(w: Wires, c: Links, s: State, static: Array, zeta: float, speed: float, start: float, h: float) -> None:
-    """Put the contact point at zeta (m) and read the static wire there; static is (2, nodes), w and phi."""
-    _near(c, s, zeta, start, h)
-    e, psi, slope = s.counter[ELEMENT], s.psi[0], s.psi[1]
+def place(c: Links, s: State, p: int, static: Array, zeta: float, speed: float, start: float, h: float) -> None:
+    """Put contact point p at zeta (m) and read the static wire there; static is (2, nodes), w and phi."""
+    _near(c, s, p, zeta, start, h)
+    e, psi, slope, point = s.where[p, ELEMENT], s.psi[p, 0], s.psi[p, 1], s.point[p]
     height, rate = 0.0, 0.0
     for r in range(2):
         for j in range(2):
             height += psi[2 * j + r] * static[r, e + j]
             rate += slope[2 * j + r] * static[r, e + j]
-    s.point[ZETA], s.point[W_STATIC], s.point[V_STATIC] = zeta, height, speed * rate
+    point[ZETA], point[W_STATIC], point[V_STATIC] = zeta, height, speed * rate
 
 
 @njit(cache=True, fastmath=False)
 def respond(c: Links, s: State) -> None:
-    """Find the links' forces and w_free, C_w of the contact point for the present slack state, affine in F."""
+    """Find the links' forces and w_free, C_pq of the contact points for the present slack state, affine in all F_p."""
     n = c.element.size
     band = c.coupling.shape[1] - 1
-    lam, unit = s.force[0], s.force[1]
+    lam = s.force[0]
     for j in range(n):
         lam[j] = s.free[0, j] - s.free[1, j] if s.acting[j] == 1 else -c.rest[j, 1]
-        unit[j] = s.near[j] if s.acting[j] == 1 else 0.0
     for i in range(n):
         if s.acting[i] == 0 and lam[i] != 0.0:
             for k in range(max(0, i - band), min(n, i + band + 1)):
                 if s.acting[k] == 1:
                     lam[k] -= lam[i] * (c.coupling[i, band - i + k] if k < i else c.coupling[k, band - k + i])
     _solve_links(s, lam, 0)
-    _solve_links(s, unit, s.counter[FIRST_NEAR])
-    e, psi = s.counter[ELEMENT], s.psi[0]
-    height = s.point[W_STATIC]
-    for j in range(2):
-        height += psi[2 * j] * s.y[2, e + j] + psi[2 * j + 1] * s.y[3, e + j]
-    s.psi[2, 0], s.psi[2, 1], s.psi[2, 2], s.psi[2, 3] = psi[0], psi[2], psi[1], psi[3]
-    compliance = _answer(c, s, e, e, s.psi[2, 0:2], s.psi[2, 2:4])
-    for j in range(s.counter[FIRST_NEAR], s.counter[LAST_NEAR]):
-        height -= s.near[j] * lam[j]
-        compliance -= s.near[j] * unit[j]
-    s.point[W_FREE], s.point[COMPLIANCE] = height, compliance
+    for p in range(s.point.shape[0]):
+        unit, near = s.unit[p], s.near[p]
+        for j in range(n):
+            unit[j] = near[j] if s.acting[j] == 1 else 0.0
+        _solve_links(s, unit, s.where[p, FIRST_NEAR])
+        e, psi, column = s.where[p, ELEMENT], s.psi[p, 0], s.psi[p, 2]
+        height = s.point[p, W_STATIC]
+        for j in range(2):
+            height += psi[2 * j] * s.y[2, e + j] + psi[2 * j + 1] * s.y[3, e + j]
+        for j in range(s.where[p, FIRST_NEAR], s.where[p, LAST_NEAR]):
+            height -= near[j] * lam[j]
+        s.point[p, W_FREE] = height
+        column[0], column[1], column[2], column[3] = psi[0], psi[2], psi[1], psi[3]
+        for q in range(p + 1):
+            # of q by a unit force on p; the one in front has its column at hand already
+            at, other = s.where[q, ELEMENT], s.psi[q, 2]
+            compliance = _answer(c, psi, e, at, other[0:2], other[2:4])
+            for j in range(s.where[q, FIRST_NEAR], s.where[q, LAST_NEAR]):
+                compliance -= s.near[q, j] * unit[j]
+            s.between[p, q] = s.between[q, p] = compliance
+        s.point[p, COMPLIANCE] = s.between[p, p]
 
 
 @njit(cache=True, fastmath=False)
-def recheck(c: Links, s: State, contact: float) -> int:
-    """Flip the droppers that contradict the contact force (N); return the first row concerned, or -1."""
+def recheck(c: Links, s: State, contact: Array) -> int:
+    """Flip the droppers that contradict the contact forces (N); return the first row concerned, or -1."""
     n, band = c.coupling.shape[0], c.coupling.shape[1] - 1
-    total = s.force[2]
+    total = s.force[1]
     for j in range(n):
-        total[j] = s.force[0, j] + s.force[1, j] * contact
+        total[j] = s.force[0, j]
+        for p in range(contact.size):
+            total[j] += s.unit[p, j] * contact[p]
     first = -1
     slack = 0
     for j in range(n):
@@ -234,7 +272,9 @@ def recheck(c: Links, s: State, contact: float) -> int:
         if s.acting[j] == 1:
             taut = 1 if total[j] + c.rest[j, 1] > 0.0 else 0
         else:
-            stretch = c.rest[j, 0] + s.free[0, j] + s.near[j] * contact
+            stretch = c.rest[j, 0] + s.free[0, j]
+            for p in range(contact.size):
+                stretch += s.near[p, j] * contact[p]
             for k in range(max(0, j - band), min(n, j + band + 1)):
                 stretch -= total[k] * (c.coupling[j, band - j + k] if k <= j else c.coupling[k, band - k + j])
             taut = 1 if stretch > 0.0 else 0
@@ -248,31 +288,34 @@ def recheck(c: Links, s: State, contact: float) -> int:
 
 
 @njit(cache=True, fastmath=False)
-def take(w: Wires, c: Links, s: State, contact: float, speed: float) -> None:
-    """Add what links and contact force (N) do to the free wires' step, make it the state, read the contact point."""
+def take(w: Wires, c: Links, s: State, contact: Array, speed: float) -> None:
+    """Add what links and contact forces (N) do to the free wires' step, make it the state, read the contact points."""
     width = c.column.shape[2]
     for j in range(c.element.size):
-        force = s.force[2, j]
+        force = s.force[1, j]
         if force != 0.0:
             first = c.first[j]
             for f in range(c.fields[j, 0], c.fields[j, 1]):
                 y, column = s.y[f, first : first + width], c.column[j, f]
                 for i in range(width):
                     y[i] -= force * column[i]
-    e = s.counter[ELEMENT]
-    if contact != 0.0:
-        reach = c.influence.shape[2] // 2
+    reach = c.influence.shape[2] // 2
+    for p in range(contact.size):
+        if contact[p] == 0.0:
+            continue
         for j in range(4):
-            share = contact * s.psi[0, j]
-            first = e + j // 2 - reach
+            share = contact[p] * s.psi[p, 0, j]
+            first = s.where[p, ELEMENT] + j // 2 - reach
             for f in range(2):
                 y, column = s.y[2 + f, first : first + 2 * reach + 1], c.influence[j % 2, f]
                 for i in range(2 * reach + 1):
                     y[i] += share * column[i]
     wires.take(w, s.q, s.y)
-    height, velocity = s.point[W_STATIC], s.point[V_STATIC]
-    for j in range(2):
-        for r in range(2):
-            height += s.psi[0, 2 * j + r] * s.q[0, 2 + r, e + j]
-            velocity += s.psi[0, 2 * j + r] * s.q[1, 2 + r, e + j] + speed * s.psi[1, 2 * j + r] * s.q[0, 2 + r, e + j]
-    s.point[HEIGHT], s.point[VELOCITY], s.point[FORCE] = height, velocity, contact
+    for p in range(contact.size):
+        e, psi, slope, point = s.where[p, ELEMENT], s.psi[p, 0], s.psi[p, 1], s.point[p]
+        height, velocity = point[W_STATIC], point[V_STATIC]
+        for j in range(2):
+            for r in range(2):
+                height += psi[2 * j + r] * s.q[0, 2 + r, e + j]
+                velocity += psi[2 * j + r] * s.q[1, 2 + r, e + j] + speed * slope[2 * j + r] * s.q[0, 2 + r, e + j]
+        point[HEIGHT], point[VELOCITY], point[FORCE] = height, velocity, contact[p]
