@@ -29,6 +29,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from inspect import isfunction
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -39,6 +40,7 @@ import numpy as np
 from numba.core import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
+from numba.extending import is_jitted
 
 from phil_base import cache as places
 from phil_base.atomic import whole
@@ -131,6 +133,10 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         for path in self._folder.glob(f"{self._stem}.*.nbc"):
             _remove(path)
 
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        # numba's own key of a function that was made in another one has a random number for each kernel that it calls.
+        return sig, codegen.magic_tuple(), hashlib.sha256(repr(_identity(self._py_func)).encode()).hexdigest()
+
     def _path(self, key: Any) -> Path:
         # Addresses in the name of a type say nothing; what the file is for stands in it.
         name = re.sub("0x[0-9a-f]+", "", str(key))
@@ -203,10 +209,28 @@ def _root(module: str) -> str:
     return module.partition(".")[0]
 
 
+def _cells(function: Callable[..., Any]) -> list[Any]:
+    """Give what a function that was made in another one has from there; a kernel as the function that it was."""
+    values = [cell.cell_contents for cell in function.__closure__ or ()]
+    return [value.py_func if is_jitted(value) else value for value in values]
+
+
+def _identity(function: Callable[..., Any]) -> tuple[Any, ...]:
+    """Tell a function from others made of the same sources: its place in them, and all that it was made with."""
+    code = function.__code__
+    made_with = [_identity(value) if isfunction(value) else dumps(value) for value in _cells(function)]
+    return function.__module__, function.__qualname__, code.co_firstlineno, code.co_code, made_with
+
+
 def _sources_of(function: Callable[..., Any]) -> tuple[Path, ...]:
     """Give the folders (or the file) whose sources a function can depend on."""
-    roots = {_root(function.__module__)} | (_used_by(function.__module__) & _packages)
-    return tuple(_place_of(root, function) for root in sorted(roots))
+    return tuple(_place_of(root, function) for root in sorted(_roots(function)))
+
+
+def _roots(function: Callable[..., Any]) -> set[str]:
+    """Give the top-level packages that a function can depend on."""
+    found = {_root(function.__module__)} | (_used_by(function.__module__) & _packages)
+    return found.union(*(_roots(value) for value in _cells(function) if isfunction(value)))
 
 
 def _used_by(module: str) -> set[str]:
