@@ -1,29 +1,36 @@
 """All arrays of a model in two blocks of memory, so that a call into compiled code hands over four arguments.
 
 To hand over an array costs about 0.2 us a call; `layout` has thirty of them, and the step itself takes some 20 us. The
-bundles are made once, as views into the blocks, and are put together again inside the compiled code.
+bundles are made once, as views into the blocks, and are put together again inside the compiled code. Which arrays there
+are, in which order, of what kind and with how many dimensions, is said once: by the fields of the bundles.
 """
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model.layout import Array, Constants, Ints, State
+from catenary_model.layout import Array, Ints, Kind
 from phil_base.kernels import njit
 
-C = TypeVar("C", bound=tuple[Any, ...])
-S = TypeVar("S", bound=tuple[Any, ...])
+C = TypeVar("C", bound=NamedTuple)
+S = TypeVar("S", bound=NamedTuple)
 
 
 def pack(constants: C, state: S) -> tuple[Array, Ints, Ints, C, S]:
     """Copy both bundles into blocks; return the block of floats, of integers, the table, and the bundles as views.
 
-    The table has a row per array, those of the constants first: where it begins in its block, then its shape.
+    The table has a row per array, those of the constants first: where it begins in its block, then its shape. Raises
+    TypeError for an array that is not what its field is declared as.
     """
     arrays: list[NDArray[np.generic]] = [*constants, *state]
+    for bundle in (constants, state):
+        for name, array, kind in zip(bundle._fields, bundle, kinds(type(bundle)), strict=True):
+            if Kind(array.dtype.type, array.ndim) != kind:
+                raise TypeError(f"{name} is {array.dtype} with {array.ndim} dimensions, declared is {kind}")
     table = np.zeros((len(arrays), 6), dtype=np.int64)
     size = {True: 0, False: 0}
     for row, array in zip(table, arrays, strict=True):
@@ -39,73 +46,98 @@ def pack(constants: C, state: S) -> tuple[Array, Ints, Ints, C, S]:
         view[...] = array
         views.append(view)
     n = len(constants)
-    return floats, whole, table, type(constants)(*views[:n]), type(state)(*views[n:])
+    return floats, whole, table, type(constants)._make(views[:n]), type(state)._make(views[n:])
 
 
-@njit(cache=True)
+@njit
 def one(block: Array, t: Ints) -> Array:
     """View of an array with one dimension in its block; t is its row of the table."""
     return block[t[0] : t[0] + t[1]]
 
 
-@njit(cache=True)
+@njit
 def two(block: Array, t: Ints) -> Array:
     """View of an array with two dimensions in its block; t is its row of the table."""
     return block[t[0] : t[0] + t[1] * t[2]].reshape((t[1], t[2]))
 
 
-@njit(cache=True)
+@njit
 def three(block: Array, t: Ints) -> Array:
     """View of an array with three dimensions in its block; t is its row of the table."""
     return block[t[0] : t[0] + t[1] * t[2] * t[3]].reshape((t[1], t[2], t[3]))
 
 
-@njit(cache=True)
+@njit
 def four(block: Array, t: Ints) -> Array:
     """View of an array with four dimensions in its block; t is its row of the table."""
     return block[t[0] : t[0] + t[1] * t[2] * t[3] * t[4]].reshape((t[1], t[2], t[3], t[4]))
 
 
-@njit(cache=True)
+@njit
 def five(block: Array, t: Ints) -> Array:
     """View of an array with five dimensions in its block; t is its row of the table."""
     return block[t[0] : t[0] + t[1] * t[2] * t[3] * t[4] * t[5]].reshape((t[1], t[2], t[3], t[4], t[5]))
 
 
-@njit(cache=True)
-def unpack(floats: Array, whole: Ints, table: Ints) -> tuple[Constants, State]:
-    """Put the bundles together again, in compiled code."""
-    c = Constants(
-        real=one(floats, table[0]),
-        whole=one(whole, table[1]),
-        sweep=four(floats, table[2]),
-        middle=two(floats, table[3]),
-        inner=four(floats, table[4]),
-        outer=five(floats, table[5]),
-        pivot=three(floats, table[6]),
-        green=five(floats, table[7]),
-        site=two(floats, table[8]),
-        local=two(floats, table[9]),
-        static=two(floats, table[10]),
-        segment=three(floats, table[11]),
-        gain=four(floats, table[12]),
-    )
-    s = State(
-        q=four(floats, table[13]),
-        taut=one(whole, table[14]),
-        particle=two(floats, table[15]),
-        counter=one(whole, table[16]),
-        point=one(floats, table[17]),
-        contact=one(floats, table[18]),
-        segment=two(floats, table[19]),
-        external=three(floats, table[20]),
-        layer=three(floats, table[21]),
-        rhs=three(floats, table[22]),
-        here=two(floats, table[23]),
-        where=two(whole, table[24]),
-        psi=two(floats, table[25]),
-        compliance=two(floats, table[26]),
-        system=two(floats, table[27]),
-        scratch=one(floats, table[28]),
-    )
-    return c, s
+def unpacker(constants: type[C], state: type[S]) -> Any:
+    """Make the compiled `unpack(floats, whole, table)` that puts two bundles together again, views into the blocks.
+
+    Every field has to be declared as one of the arrays of `layout`, which say kind and number of dimensions. Raises
+    TypeError for another one.
+    """
+    n = len(constants._fields)
+    first, second = _views(kinds(constants), 0), _views(kinds(state), n)
+
+    @njit(inline="always")
+    def unpack(floats: Array, whole: Ints, table: Ints) -> Any:
+        return constants(*first(floats, whole, table)), state(*second(floats, whole, table))
+
+    return unpack
+
+
+def kinds(bundle: type[NamedTuple]) -> list[Kind]:
+    """Give the kinds of a bundle's arrays in their order. Raises TypeError for a field that is none."""
+    found = []
+    for name, hint in get_type_hints(bundle, include_extras=True).items():
+        said = [one for one in getattr(hint, "__metadata__", ()) if isinstance(one, Kind)]
+        if not said:
+            raise TypeError(f"{bundle.__name__}.{name} is not declared as an array of catenary_model.layout")
+        found += said
+    return found
+
+
+def _views(arrays: Sequence[Kind], row: int) -> Any:
+    """Make the compiled function that gives arrays as a tuple of views, the first by this row of the table.
+
+    A tuple of arrays of different kinds cannot be filled in a loop: each function adds one view to those of the next.
+    They are inlined before types are found: else every tuple on the way counts references, 8 % of a cycle.
+    """
+    if not arrays:
+
+        @njit(inline="always")
+        def none(floats: Array, whole: Ints, table: Ints) -> Any:
+            return ()
+
+        return none
+    block, view = _BLOCKS[arrays[0].kind], _VIEWS[arrays[0].dimensions]
+    rest = _views(arrays[1:], row + 1)
+
+    @njit(inline="always")
+    def some(floats: Array, whole: Ints, table: Ints) -> Any:
+        return (view(block(floats, whole), table[row]), *rest(floats, whole, table))
+
+    return some
+
+
+@njit(inline="always")
+def _floats(floats: Array, whole: Ints) -> Array:
+    return floats
+
+
+@njit(inline="always")
+def _whole(floats: Array, whole: Ints) -> Ints:
+    return whole
+
+
+_BLOCKS: dict[type[np.generic], Any] = {np.float64: _floats, np.int64: _whole}
+_VIEWS = {1: one, 2: two, 3: three, 4: four, 5: five}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -65,9 +67,16 @@ def run(
     s.contact[layout.LAST_FORCE] = force
 
 
-@njit(cache=True, fastmath=False)
-def push(c: Constants, s: State, force: Array, out: Array) -> None:
-    """Advance one cycle a given force (N)."""
-    for k in range(force.size):
-        step.advance(c, s, force[k])
-        note(s, force[k], out[k])
+def push_by(advance: Any) -> Any:
+    """Make the compiled `push(c, s, force, out)` of a scheme: one cycle a given force (N), of its own `advance`."""
+
+    @njit(cache=True, fastmath=False)
+    def push(c: Any, s: Any, force: Array, out: Array) -> None:
+        for k in range(force.size):
+            advance(c, s, force[k])
+            note(s, force[k], out[k])
+
+    return push
+
+
+push = push_by(step.advance)

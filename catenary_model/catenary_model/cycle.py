@@ -1,6 +1,7 @@
 """What the steps of finite elements and of finite differences have in common; compiled for the bundles of either.
 
-Their constants and states are different named tuples; `real`, `counter`, `point` and `static` are fields of both.
+Their constants and states are different named tuples; `real`, `whole`, `counter`, `point`, `contact` and `static` are
+fields of both. What a scheme does in its own way, compiled, is handed to `cycles`.
 """
 
 from __future__ import annotations
@@ -9,7 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from catenary_model.layout import COMPLIANCE, IMPULSE, PERIOD, SPEED, START, STEPS, TS, WORK
+from catenary_model import arena
+from catenary_model.layout import (
+    COMPLIANCE,
+    GIVEN,
+    IMPULSE,
+    ITERATIONS,
+    LAST_FORCE,
+    PERIOD,
+    SPEED,
+    START,
+    STEPS,
+    SUBSTEPS,
+    TS,
+    W_CAT,
+    WORK,
+    Array,
+    Ints,
+)
 from phil_base.kernels import njit
 
 
@@ -39,6 +57,41 @@ def book(c: Any, s: Any, before: float, force: float, w: float, now: float) -> f
     s.point[WORK] += 0.5 * (before + force) * (now - w)
     s.point[IMPULSE] += 0.5 * c.real[TS] * (before + force)
     return now
+
+
+def cycles(
+    constants: type[Any], state: type[Any], arrive: Any, height: Any, leave: Any, observe: Any
+) -> tuple[Any, Any]:
+    """Make the compiled cycle of a scheme, from t_k to t_(k+1): `advance(c, s, f_cat)`, `cycle(*arena, f_cat)`.
+
+    `constants` and `state` are the classes of its bundles c and s; `cycle` takes them packed (`arena.pack`). The
+    contact force goes in a straight line to f_cat (N), the one of the new instant. A step of the scheme is
+    `arrive(c, s)` at a new instant, whose force is in `contact[GIVEN]`, `height(c, s, force)` of the contact point
+    there, and `leave(c, s, force)` for the next one; after the last one comes `observe(c, s, f_cat)`.
+    """
+    unpack = arena.unpacker(constants, state)
+
+    @njit(cache=True, fastmath={"contract"})
+    def advance(c: Any, s: Any, f_cat: float) -> None:
+        n = c.whole[SUBSTEPS]
+        before = s.contact[LAST_FORCE]
+        s.counter[ITERATIONS] = 0
+        force, w = before, s.point[W_CAT]
+        for j in range(n):
+            old, force = force, before + (f_cat - before) * ((j + 1) / n)
+            s.contact[GIVEN] = force
+            arrive(c, s)
+            w = book(c, s, old, force, w, height(c, s, force))
+            leave(c, s, force)
+        s.contact[LAST_FORCE] = f_cat
+        observe(c, s, f_cat)
+
+    @njit(cache=True, fastmath={"contract"})
+    def cycle(floats: Array, whole: Ints, table: Ints, f_cat: float) -> None:
+        c, s = unpack(floats, whole, table)
+        advance(c, s, f_cat)
+
+    return advance, cycle
 
 
 @njit(cache=True, fastmath=False)

@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+class Kind(NamedTuple):
+    """What an array of a bundle is, beside its shape: `arena` puts bundles together by it."""
+
+    kind: type[np.generic]
+    """Of its entries: float64 or int64."""
+    dimensions: int
+    """From 1 to 5."""
+
+
+Array1 = Annotated[Array, Kind(np.float64, 1)]
+Array2 = Annotated[Array, Kind(np.float64, 2)]
+Array3 = Annotated[Array, Kind(np.float64, 3)]
+Array4 = Annotated[Array, Kind(np.float64, 4)]
+Array5 = Annotated[Array, Kind(np.float64, 5)]
+Ints1 = Annotated[Ints, Kind(np.int64, 1)]
+Ints2 = Annotated[Ints, Kind(np.int64, 2)]
 
 # entries of Constants.real
 TS, BETA, GAMMA, SPEED, START, BEHIND, AHEAD, H, FADING, PERIOD, COMPLIANCE = range(11)
@@ -35,66 +53,66 @@ ELEMENT, SLOT, ROW, LOW = range(4)
 class Constants(NamedTuple):
     """What does not change during a ride."""
 
-    real: Array
+    real: Array1
     """Numbers, see TS (of one integration step), BETA, ..."""
-    whole: Ints
+    whole: Ints1
     """Whole numbers, see STATIONS, ..."""
-    sweep: Array
+    sweep: Array4
     """Factors of K_DM, see `wires.Factors`, (side, rows, wire, 8)."""
-    middle: Array
+    middle: Array2
     """The same of the middle station, (wire, 8)."""
-    inner: Array
+    inner: Array4
     """K and D of the wires, ready for the solve, for all but the first stations, (3, wire, row kind, 12)."""
-    outer: Array
+    outer: Array5
     """The same for the first stations, (side, wire, row kind, 12, stations)."""
-    pivot: Array
+    pivot: Array3
     """What a nodal force is multiplied by beforehand, (wire, 4, stations)."""
-    green: Array
+    green: Array5
     """K_DM^-1 near its diagonal, see `wires.green`, (rows, wire, column kind, row kind, 2 reach + 1)."""
-    site: Array
+    site: Array2
     """What acts on the wires at fixed track positions in one period, by rising position, see POSITION, ..."""
-    local: Array
+    local: Array2
     """What the mesh lacks in compliance at a site inside an element, m/N, (wire, samples + 1)."""
-    static: Array
+    static: Array2
     """Static shape of the contact wire on a node, (samples + 1, 6), see `lattice.static_table`."""
-    segment: Array
+    segment: Array3
     """M, D, K of the reduced model as 2-station blocks, (3, 2 segment stations, 6), see `reduced`."""
-    gain: Array
+    gain: Array4
     """K_ABC transposed, (wire, end, states, inputs), see `boundary.Feedback`; no states: none."""
 
 
 class State(NamedTuple):
     """All that a step changes; every array is allocated once."""
 
-    q: Array
+    q: Array4
     """Deviation, velocity, acceleration, (3, wire, w or phi, station with padding)."""
-    taut: Ints
+    taut: Ints1
     """1 if the dropper is taut; ring over the sites' running number."""
-    particle: Array
+    particle: Array2
     """Displacement, velocity, acceleration of the masses on the wires, and whether they are known, (ring, 4)."""
-    counter: Ints
+    counter: Ints1
     """Whole numbers, see STEPS, ..."""
-    point: Array
+    point: Array1
     """Motion of the contact point, see W_CAT, ..."""
-    contact: Array
+    contact: Array1
     """Pantograph at the contact point, see K_CONTACT, ..."""
-    segment: Array
+    segment: Array2
     """q, q', q'' and f_held of the reduced model, (4, 2 segment stations)."""
-    external: Array
+    external: Array3
     """Further nodal forces at the new instant, N and N m, (wire, w or phi, station); used if counter[PUSHED] is set."""
-    layer: Array
+    layer: Array3
     """Work: forces and torques of the controlled layers, (wire, end, inputs)."""
-    rhs: Array
+    rhs: Array3
     """Work: right side, (wire, w or phi, station)."""
-    here: Array
+    here: Array2
     """Work: sites in the domain, column by column, see X, ...; (columns, sites)."""
-    where: Ints
+    where: Ints2
     """Work: their element, slot in the rings, row in Constants.site (-1: contact), first they feel; (rows, sites)."""
-    psi: Array
+    psi: Array2
     """Work: their shape functions, (4, sites)."""
-    compliance: Array
+    compliance: Array2
     """Work: elongation of a site for a unit force of another within one step, m/N; (sites, band), own in the middle."""
-    system: Array
+    system: Array2
     """Work: matrix of the small system, likewise."""
-    scratch: Array
+    scratch: Array1
     """Work: a few numbers."""

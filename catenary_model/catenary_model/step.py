@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from catenary_model import arena, sites, wires
-from catenary_model.cycle import book, height_of, track_position
+from catenary_model import sites, wires
+from catenary_model.cycle import cycles, height_of, track_position
 from catenary_model.layout import (
     A_CAT,
     BETA,
@@ -22,9 +22,6 @@ from catenary_model.layout import (
     CONTACT,
     F_CAT,
     GAMMA,
-    GIVEN,
-    ITERATIONS,
-    LAST_FORCE,
     PERIOD,
     PRESS,
     PUSHED,
@@ -40,7 +37,6 @@ from catenary_model.layout import (
     Array,
     Constants,
     H,
-    Ints,
     State,
 )
 from catenary_model.wires import PAD
@@ -174,26 +170,11 @@ def height(c: Constants, s: State, force: float) -> float:
 
 
 @njit(cache=True, fastmath={"contract"})
-def advance(c: Constants, s: State, f_cat: float) -> None:
-    """Step from t_k to t_(k+1); the contact force goes in a straight line to f_cat (N), the one of the new instant."""
-    n = c.whole[SUBSTEPS]
-    before = s.contact[LAST_FORCE]
-    s.counter[ITERATIONS] = 0
-    force, w = before, s.point[W_CAT]
-    for j in range(n):
-        old, force = force, before + (f_cat - before) * ((j + 1) / n)
-        s.contact[GIVEN] = force
-        substep(c, s)
-        w = book(c, s, old, force, w, height(c, s, force))
-    s.contact[LAST_FORCE] = f_cat
-    observe(c, s, f_cat)
+def stay(c: Constants, s: State, force: float) -> None:
+    """Do nothing: the step is over as soon as its new instant is reached."""
 
 
-@njit(cache=True, fastmath={"contract"})
-def cycle(floats: Array, whole: Ints, table: Ints, f_cat: float) -> None:
-    """`advance` for bundles that are packed in an arena."""
-    c, s = arena.unpack(floats, whole, table)
-    advance(c, s, f_cat)
+advance, cycle = cycles(Constants, State, substep, height, stay, observe)
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model import layout, pantograph
-from catenary_model.coupled import note
+from catenary_model.coupled import note, push_by
 from catenary_model.cycle import book, soft_start_share
 from catenary_model.finite_difference import step
 from catenary_model.finite_difference.layout import Constants, State
@@ -33,11 +33,10 @@ def run(
 
     `held` is a contact force (N) on both sides in place of the contact, or NaN.
     """
-    local, n = c.real[layout.COMPLIANCE], c.whole[layout.SUBSTEPS]
+    local = c.real[layout.COMPLIANCE]
     force, w = s.contact[layout.LAST_FORCE], s.point[layout.W_CAT]
-    s.counter[layout.ITERATIONS] = 1
     for k in range(out.shape[0]):
-        for _ in range(n):
+        for _ in range(c.whole[layout.SUBSTEPS]):
             step.arrive(c, s)
             t = c.real[layout.TS] * s.counter[layout.STEPS]
             share = soft_start_share(t, soft_start)
@@ -48,14 +47,9 @@ def run(
             pantograph.finish(pc, ps, force)
             w = book(c, s, before, force, w, step.height(c, s, force))
             step.leave(c, s, force)
-        step.observe(c, s, force, c.real[layout.TS] * n)
+        step.observe(c, s, force)
         note(s, force, out[k])
     s.contact[layout.LAST_FORCE] = force
 
 
-@njit(cache=True, fastmath=False)
-def push(c: Constants, s: State, force: Array, out: Array) -> None:
-    """Advance one cycle a given force (N)."""
-    for k in range(force.size):
-        step.advance(c, s, force[k])
-        note(s, force[k], out[k])
+push = push_by(step.advance)

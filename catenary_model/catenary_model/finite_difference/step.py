@@ -15,17 +15,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from catenary_model.cycle import book, height_of, track_position
+from catenary_model.cycle import cycles, height_of, track_position
 from catenary_model.finite_difference.forces import act, gather
-from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, PER_ELEMENT, REACH, Constants, State, unpack
+from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, PER_ELEMENT, REACH, Constants, State
 from catenary_model.finite_difference.wires import close, propagate
 from catenary_model.layout import (
     A_CAT,
     COMPLIANCE,
     F_CAT,
-    GIVEN,
     ITERATIONS,
-    LAST_FORCE,
     PERIOD,
     SPEED,
     STATIONS,
@@ -35,8 +33,6 @@ from catenary_model.layout import (
     V_CAT,
     W_CAT,
     ZETA,
-    Array,
-    Ints,
 )
 from catenary_model.step import hold
 from phil_base.kernels import njit
@@ -44,7 +40,8 @@ from phil_base.kernels import njit
 
 @njit(cache=True, fastmath={"contract"})
 def arrive(c: Constants, s: State) -> None:
-    """Make the level n + 1 the present one; its contact force is not known yet."""
+    """Make the level n + 1 the present one; its contact force is not known yet, and nothing is iterated."""
+    s.counter[ITERATIONS] = 1
     s.counter[NOW] = (s.counter[NOW] + 1) % s.w.shape[0]
     s.counter[STEPS] += 1
 
@@ -68,7 +65,7 @@ def height(c: Constants, s: State, force: float) -> float:
 
 
 @njit(cache=True, fastmath={"contract"})
-def observe(c: Constants, s: State, f_cat: float, cycle_time: float) -> None:
+def observe(c: Constants, s: State, f_cat: float) -> None:
     """Fill `point` and `segment` (3.41) for the present instant, whose new level is already there."""
     zeta = track_position(c, s)
     slots, now = s.w.shape[0], s.counter[NOW]
@@ -108,7 +105,7 @@ def observe(c: Constants, s: State, f_cat: float, cycle_time: float) -> None:
     local = c.real[COMPLIANCE]
     s.point[W_CAT] = c.static[i, 0] + r * (c.static[i + 1, 0] - c.static[i, 0]) + old[n] + local * f_cat
     s.point[V_CAT] = v * (c.static[i, 1] + r * (c.static[i + 1, 1] - c.static[i, 1])) + rate * (new[n] - before[n])
-    s.point[V_CAT] += local * (f_cat - s.point[F_CAT]) / cycle_time
+    s.point[V_CAT] += local * (f_cat - s.point[F_CAT]) / (ts * c.whole[SUBSTEPS])
     s.point[A_CAT] = v * v * (c.static[i, 2] + r * (c.static[i + 1, 2] - c.static[i, 2]))
     s.point[A_CAT] += rate_2 * (new[n] - 2.0 * old[n] + before[n])
     s.point[F_CAT] = f_cat
@@ -119,28 +116,7 @@ def observe(c: Constants, s: State, f_cat: float, cycle_time: float) -> None:
 def start(c: Constants, s: State) -> None:
     """List the sites for the present instant and observe it, at rest."""
     leave(c, s, 0.0)
-    observe(c, s, 0.0, 1.0)
+    observe(c, s, 0.0)
 
 
-@njit(cache=True, fastmath={"contract"})
-def advance(c: Constants, s: State, f_cat: float) -> None:
-    """Step from t_k to t_(k+1); the contact force goes in a straight line to f_cat (N), the one of the new instant."""
-    n = c.whole[SUBSTEPS]
-    before = s.contact[LAST_FORCE]
-    s.counter[ITERATIONS] = 1
-    force, w = before, s.point[W_CAT]
-    for j in range(n):
-        old, force = force, before + (f_cat - before) * ((j + 1) / n)
-        s.contact[GIVEN] = force
-        arrive(c, s)
-        w = book(c, s, old, force, w, height(c, s, force))
-        leave(c, s, force)
-    s.contact[LAST_FORCE] = f_cat
-    observe(c, s, f_cat, c.real[TS] * n)
-
-
-@njit(cache=True, fastmath={"contract"})
-def cycle(floats: Array, whole: Ints, table: Ints, f_cat: float) -> None:
-    """`advance` for bundles that are packed in an arena."""
-    c, s = unpack(floats, whole, table)
-    advance(c, s, f_cat)
+advance, cycle = cycles(Constants, State, arrive, height, leave, observe)
