@@ -5,7 +5,13 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
+
+
+def _source() -> Any:
+    """Declare where an element's values come from: a text that makes no two elements differ."""
+    return field(default="", compare=False, repr=False, kw_only=True)
 
 
 def _check(name: str, value: float, *, above: float | None = None, least: float | None = None) -> None:
@@ -30,6 +36,7 @@ class Wire:
     """EI, N m^2."""
     tension: float
     """T, N."""
+    source: str = _source()
 
     def __post_init__(self) -> None:
         for name in ("mass_per_length", "bending_stiffness", "tension"):
@@ -71,18 +78,69 @@ class Dropper:
     position: float
     """From the mast at the beginning of the span, m."""
     stiffness: float = 1e5
-    """k_d of a taut dropper, N/m."""
+    """k_d of a taut dropper, N/m; `axial_stiffness` counts in its place if that is given."""
     mass: float = 0.0
     """Mass of dropper and clamps, kg; half of it moves with either wire."""
     length: float | None = None
-    """Unstressed length l_0, m; None: computed so that its clamp hangs where `Span.pre_sag` wants it."""
+    """Unstressed length l_0, m; None: computed so that its clamp hangs where `sag` or `Span.pre_sag` wants it."""
+    sag: float | None = None
+    """How far its clamp hangs below the nominal height at rest, m; None: what `Span.pre_sag` demands."""
+    carrier_clamp: float = 0.0
+    """Mass of the upper clamp, kg, beside `mass`: all of it moves with the wire that the dropper hangs from."""
+    contact_clamp: float = 0.0
+    """Mass of the lower clamp, kg, beside `mass`: all of it moves with the contact wire."""
+    mass_per_length: float = 0.0
+    """Of the dropper's rope, kg/m, beside `mass`; half of the rope moves with either wire."""
+    axial_stiffness: float | None = None
+    """EA of the dropper's rope, N: k_d = EA/l_0."""
+    source: str = _source()
 
     def __post_init__(self) -> None:
         _check("position", self.position, above=0.0)
         _check("stiffness", self.stiffness, above=0.0)
-        _check("mass", self.mass, least=0.0)
-        if self.length is not None:
-            _check("length", self.length, above=0.0)
+        for name in ("mass", "carrier_clamp", "contact_clamp", "mass_per_length"):
+            _check(name, getattr(self, name), least=0.0)
+        for name in ("length", "axial_stiffness"):
+            if getattr(self, name) is not None:
+                _check(name, getattr(self, name), above=0.0)
+        if self.axial_stiffness is not None and self.stiffness != type(self).stiffness:
+            raise ValueError(
+                f"stiffness = {self.stiffness} and axial_stiffness = {self.axial_stiffness}: one follows from the "
+                "other, give one"
+            )
+        if self.sag is not None:
+            _check("sag", self.sag)
+            if self.length is not None:
+                raise ValueError(f"sag = {self.sag} and length = {self.length}: one follows from the other, give one")
+
+    @property
+    def needs_length(self) -> bool:
+        """Whether stiffness or masses follow from the unstressed length."""
+        return self.axial_stiffness is not None or self.mass_per_length > 0.0
+
+    def cut(self, length: float) -> Dropper:
+        """Dropper whose rope of this unstressed length (m) is put into `stiffness` and the masses of its clamps."""
+        if not self.needs_length:
+            return self
+        half = 0.5 * self.mass_per_length * length
+        return dataclasses.replace(
+            self,
+            stiffness=self.stiffness if self.axial_stiffness is None else self.axial_stiffness / length,
+            carrier_clamp=self.carrier_clamp + half,
+            contact_clamp=self.contact_clamp + half,
+            mass_per_length=0.0,
+            axial_stiffness=None,
+        )
+
+    @property
+    def carrier_mass(self) -> float:
+        """Mass that moves with the wire that the dropper hangs from, without rope given per length, kg."""
+        return 0.5 * self.mass + self.carrier_clamp
+
+    @property
+    def contact_mass(self) -> float:
+        """Mass that moves with the contact wire, without rope given per length, kg."""
+        return 0.5 * self.mass + self.contact_clamp
 
 
 @dataclass(frozen=True)
@@ -93,6 +151,7 @@ class Mast:
     """k_m, vertical, N/m."""
     encumbrance: float = 1.05
     """Height of the carrier above the nominal contact wire when the line is at rest, m."""
+    source: str = _source()
 
     def __post_init__(self) -> None:
         _check("stiffness", self.stiffness, above=0.0)
@@ -107,10 +166,15 @@ class SteadyArm:
     """Vertical stiffness that the wire feels, N/m."""
     mass: float = 0.0
     """Mass that moves with the wire, kg."""
+    source: str = _source()
 
     def __post_init__(self) -> None:
         _check("stiffness", self.stiffness, least=0.0)
         _check("mass", self.mass, least=0.0)
+
+
+PRE_SAG_FROM = ("mast", "first_dropper")
+"""Where the parabola of `Span.pre_sag` begins, and, mirrored, where it ends."""
 
 
 @dataclass(frozen=True)
@@ -122,18 +186,42 @@ class Span:
     droppers: tuple[Dropper, ...]
     """By rising position, strictly inside the span."""
     pre_sag: float = 0.0
-    """Sag of the clamps in mid-span below the nominal height (a parabola from mast to mast), m."""
+    """Sag of the clamps at the deepest point below the nominal height, m: a parabola, see `pre_sag_from`."""
     mast: Mast = Mast()
     steady_arm: SteadyArm | None = None
+    pre_sag_from: str = "mast"
+    """`mast`: the parabola reaches from mast to mast; `first_dropper`: from the first dropper to the last one."""
+    source: str = _source()
 
     def __post_init__(self) -> None:
         _check("length", self.length, above=0.0)
         _check("pre_sag", self.pre_sag)
+        if self.pre_sag_from not in PRE_SAG_FROM:
+            raise ValueError(f"pre_sag_from = {self.pre_sag_from!r}: allowed is one of {', '.join(PRE_SAG_FROM)}")
         edges = (0.0, *(dropper.position for dropper in self.droppers), self.length)
         for i, (before, after) in enumerate(itertools.pairwise(edges)):
             if not after > before:
                 where = f"droppers[{min(i, len(self.droppers) - 1)}].position"
                 raise ValueError(f"{where}: droppers must rise strictly between 0 and length = {self.length} m")
+        for j, dropper in enumerate(self.droppers):
+            if dropper.sag is not None and abs(dropper.sag) >= self.mast.encumbrance:
+                raise ValueError(
+                    f"droppers[{j}].sag = {dropper.sag:g}: allowed is less than the mast's encumbrance, "
+                    f"{self.mast.encumbrance:g} m, up or down"
+                )
+
+    def clamp_height(self, dropper: Dropper) -> float:
+        """Height (m) at which the lower clamp of one of the span's droppers is wanted at rest."""
+        if dropper.sag is not None:
+            return -dropper.sag
+        first, length = 0.0, self.length
+        if self.pre_sag_from == "first_dropper":
+            first = self.droppers[0].position
+            length = self.droppers[-1].position - first
+            if length == 0.0:
+                return -self.pre_sag
+        s = (dropper.position - first) / length
+        return -4.0 * self.pre_sag * s * (1.0 - s)
 
 
 @dataclass(frozen=True)
@@ -146,6 +234,8 @@ class Line:
     gravity: float = 9.81
     """g, m/s^2."""
     name: str = "en50318_2002"
+    source: str = _source()
+    """Documents that the values come from, what was assumed."""
 
     def __post_init__(self) -> None:
         _check("gravity", self.gravity, least=0.0)

@@ -68,7 +68,7 @@ def check_stability(config: Config) -> None:
     room = 0.5 * config.newmark_gamma - config.newmark_beta
     if room <= 0.0:
         return
-    line, h = config.line, config.element_length
+    line, h = statics.built(config.line), config.element_length
     both = (line.carrier, line.contact)
     highest = max(highest_frequency(wire, h, config.speed) for wire in both)
     # a spring k on a wire raises no frequency beyond omega^2 + k psi M^-1 psi

@@ -4,17 +4,20 @@ Both wires are beams under tension that carry their weight and point loads, over
 spans. Unknowns are the forces F of the droppers, the forces R of the masts and the heights of both wires; they follow
 from one sparse linear system without any mesh (`suspension`), with one law per force:
 
-    a dropper without given length   contact(zeta_i) = demanded height of the clamp (parabola of the span's pre_sag)
+    a dropper without given length   contact(zeta_i) = demanded height of the clamp (its sag, or the span's parabola)
     a dropper of given length l_0    carrier(zeta_i) - contact(zeta_i) - F_i/k_d = l_0  if taut,  F_i = 0  if slack
     a mast                           carrier(zeta_m) = encumbrance.
 
 Where the lengths are computed, l_0 = carrier - contact - F/k_d. Which droppers of given length are taut is found by an
-active set. Half of a dropper's mass hangs as a point weight on either wire, at the clamp. The mass of a steady arm is
-carried by its own support and the arm is unloaded at rest, so arms have no part in the statics.
+active set. Half of a dropper's mass and a clamp hang as a point weight on either wire. A rope whose stiffness is EA/l_0
+or whose mass is that of its length is cut anew until nothing changes (`_cut`); what it weighs moves its own length by
+some 1e-4 of that. The mass of a steady arm is carried by its own support and the arm is unloaded at rest, so arms have
+no part in the statics.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -24,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from catenary_model.line import Line
+from catenary_model.line import Dropper, Line
 from catenary_model.periodic_beam import PeriodicBeam
 from catenary_model.suspension import LoadedWire, Suspension, incidence
 
@@ -39,6 +42,9 @@ DROPPER, MAST, STEADY_ARM = 0, 1, 2
 _TOLERANCE = 1e-11
 """Elongation (m) up to which a dropper counts as neither taut nor slack: beyond the rounding of 1000 spans."""
 _PATIENCE = 10
+_CUT = 1e-13
+"""Change of a dropper's length (m) at which its rope counts as cut, and how often that is tried."""
+_CUTS = 60
 
 
 class StaticsError(ValueError):
@@ -61,8 +67,10 @@ class Sites:
     """DROPPER, MAST or STEADY_ARM."""
     stiffness: Array
     """N/m."""
-    mass: Array
-    """Mass of a dropper (half of it on either wire) or of a steady arm (all of it on the contact wire), kg; else 0."""
+    carrier_mass: Array
+    """Mass that moves with the carrier, kg: a dropper's upper clamp and half of the dropper."""
+    contact_mass: Array
+    """Mass that moves with the contact wire, kg: a dropper's lower clamp and half of the dropper, or a steady arm."""
     force: Array
     """At rest, N: tension of a dropper (0 is slack), upward force of a mast on the carrier, 0 for an arm."""
     elongation: Array
@@ -124,7 +132,8 @@ class _Droppers:
 
     at: Array
     stiffness: Array
-    mass: Array
+    carrier_mass: Array
+    contact_mass: Array
     length: Array
     height: Array
     name: list[tuple[int, int]]
@@ -135,17 +144,12 @@ class _Droppers:
         for i, (start, span) in enumerate(zip(line.span_starts, line.spans, strict=True)):
             for j, d in enumerate(span.droppers):
                 given = np.nan if d.length is None else d.length
-                demanded = clamp_height(d.position, span.length, span.pre_sag)
-                rows.append((start + d.position, d.stiffness, d.mass, given, demanded))
+                rows.append(
+                    (start + d.position, d.stiffness, d.carrier_mass, d.contact_mass, given, span.clamp_height(d))
+                )
                 name.append((i, j))
-        at, stiffness, mass, length, height = np.array(rows, dtype=np.float64).reshape(-1, 5).T
-        return cls(at, stiffness, mass, length, height, name)
-
-
-def clamp_height(position: float, length: float, pre_sag: float) -> float:
-    """Demanded height (m) of a clamp at this position (m) in a span: level, or a parabola from mast to mast."""
-    s = position / length
-    return -4.0 * pre_sag * s * (1.0 - s)
+        at, stiffness, on_carrier, on_contact, length, height = np.array(rows, dtype=np.float64).reshape(-1, 6).T
+        return cls(at, stiffness, on_carrier, on_contact, length, height, name)
 
 
 @lru_cache(maxsize=8)
@@ -158,6 +162,44 @@ def solve(line: Line) -> Statics:
     Raises StaticsError (a ValueError) naming the dropper if a computed length is not positive or not taut, or if the
     given lengths leave no equilibrium.
     """
+    if not _has_ropes(line):
+        return _solve(line)
+    rest = _solve(_cut(line, [span.mast.encumbrance for span in line.spans for _ in span.droppers]))
+    for _ in range(_CUTS):
+        before = rest.dropper_lengths
+        rest = _solve(_cut(line, before.tolist()))
+        if np.abs(rest.dropper_lengths - before).max() <= _CUT:
+            return dataclasses.replace(rest, line=line)
+    raise StaticsError("the droppers' lengths do not settle: their ropes are too soft or too heavy")
+
+
+@lru_cache(maxsize=8)
+def built(line: Line) -> Line:
+    """Return the line with every dropper's rope in its stiffness and the masses of its clamps, as it hangs at rest.
+
+    A line that gives both for itself is returned as it is. Raises StaticsError.
+    """
+    return _cut(line, solve(line).dropper_lengths.tolist()) if _has_ropes(line) else line
+
+
+def _has_ropes(line: Line) -> bool:
+    return any(dropper.needs_length for span in set(line.spans) for dropper in span.droppers)
+
+
+def _cut(line: Line, lengths: list[float]) -> Line:
+    """Cut the ropes of all droppers to these lengths (m), or to the ones that the line gives."""
+    each = iter(lengths)
+
+    def cut(dropper: Dropper) -> Dropper:
+        length = next(each)
+        return dropper.cut(length if dropper.length is None else dropper.length)
+
+    spans = tuple(dataclasses.replace(span, droppers=tuple(map(cut, span.droppers))) for span in line.spans)
+    return dataclasses.replace(line, spans=spans)
+
+
+def _solve(line: Line) -> Statics:
+    """Solve a line whose droppers have their stiffnesses and masses."""
     droppers = _Droppers.of(line)
     mast_at = np.array(line.span_starts)
     hung = _hung(line, droppers, mast_at)
@@ -200,15 +242,17 @@ def solve(line: Line) -> Statics:
 def _hung(line: Line, droppers: _Droppers, mast_at: Array) -> Suspension:
     """Both wires with their weights, for the forces of the droppers and of the masts."""
     n, m, P, g = droppers.at.size, mast_at.size, line.period, line.gravity
-    half = 0.5 * g * droppers.mass
+    on_carrier, on_contact = -g * droppers.carrier_mass, -g * droppers.contact_mass
     place = np.concatenate((droppers.at, mast_at))
     order = np.argsort(place)
     every = np.arange(n + m)
     signed = sparse.csr_array(sparse.diags_array(np.where(every < n, -1.0, 1.0)))
-    known = np.concatenate((-half, np.zeros(m)))
+    known = np.concatenate((on_carrier, np.zeros(m)))
     carrier = LoadedWire(line.carrier, P, place[order], signed[order], known[order], line.carrier.mass_per_length * g)
     up = incidence(n, np.arange(n), np.arange(n), n + m)
-    return Suspension(carrier, LoadedWire(line.contact, P, droppers.at, up, -half, line.contact.mass_per_length * g))
+    return Suspension(
+        carrier, LoadedWire(line.contact, P, droppers.at, up, on_contact, line.contact.mass_per_length * g)
+    )
 
 
 def _height_rows(hung: Suspension, dropper_at: Array, mast_at: Array) -> tuple[Indices, Indices]:
@@ -254,9 +298,11 @@ def _refuse_impossible(line: Line, name: list[tuple[int, int]], force: Array, le
         if span.droppers[j].length is not None:
             continue
         if F < 0.0 or (F == 0.0 and line.gravity > 0.0):
+            sag = span.droppers[j].sag
+            key, value = ("pre_sag", span.pre_sag) if sag is None else ("sag", sag)
             raise StaticsError(
-                f"would have to push ({F:.1f} N) to hold its clamp at the height that pre_sag = {span.pre_sag:g} m "
-                "demands: choose another pre_sag, position or length",
+                f"would have to push ({F:.1f} N) to hold its clamp at the height that {key} = {value:g} m demands: "
+                f"choose another {key}, position or length",
                 *(i, j),
             )
         if l_0 <= 0.0:
@@ -286,7 +332,8 @@ def _sites(
             np.array([span.mast.stiffness for span in line.spans]),
             [arm.stiffness for _, arm in arms],
         ),
-        mass=column(droppers.mass, none, [arm.mass for _, arm in arms]),
+        carrier_mass=column(droppers.carrier_mass, none, no_arms),
+        contact_mass=column(droppers.contact_mass, none, [arm.mass for _, arm in arms]),
         force=column(force, mast, no_arms),
         elongation=column(elongation, none, no_arms),
         length=column(length, none, no_arms),

@@ -82,17 +82,18 @@ def sites_at(catenary: Catenary, zeta: float) -> list[Site]:
             )
             xi = (x + mesh.behind) / mesh.h - e
             local = [float(np.interp(xi, np.linspace(0, 1, LOCAL_SAMPLES + 1), row)) for row in missing]
-            kind, k, m = rest.sites.kind[i], rest.sites.stiffness[i], rest.sites.mass[i]
+            kind, k, sites = rest.sites.kind[i], rest.sites.stiffness[i], rest.sites
+            masses = sites.carrier_mass[i], sites.contact_mass[i]
             if kind == DROPPER:
                 g = on_wire[0] - on_wire[1]
                 F_s, stretch = rest.sites.force[i], rest.sites.elongation[i]
                 found.append(Site((period, i, -1), g, fade, k, 0.0, F_s, stretch, local[0] + local[1], True))
-                for wire in range(2) if m else ():
-                    found.append(Site((period, i, wire), on_wire[wire], fade, 0.0, 0.5 * m, 0.0, 0.0, 0.0, False))
+                for wire in np.flatnonzero(masses).tolist():
+                    found.append(Site((period, i, wire), on_wire[wire], fade, 0.0, masses[wire], 0.0, 0.0, 0.0, False))
             else:
                 wire = 0 if kind == MAST else 1
-                soft = 0.0 if m else local[wire]
-                found.append(Site((period, i, wire), on_wire[wire], fade, k, m, 0.0, 0.0, soft, False))
+                soft = 0.0 if masses[wire] else local[wire]
+                found.append(Site((period, i, wire), on_wire[wire], fade, k, masses[wire], 0.0, 0.0, soft, False))
     return found
 
 

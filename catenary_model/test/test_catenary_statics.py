@@ -95,6 +95,61 @@ def test_slope_is_the_derivative_of_the_shape() -> None:
         np.testing.assert_allclose(rest.contact_beam.slope(zeta), numeric, atol=1e-8)
 
 
+# ---- droppers as they are built -----------------------------------------------------------------------------------
+
+ROPE = {"axial_stiffness": 2e5, "mass_per_length": 0.117, "carrier_clamp": 0.195, "contact_clamp": 0.165}
+
+
+def roped(at: float, **change: float) -> Dropper:
+    return Dropper(at, **{**ROPE, **change})  # type: ignore[arg-type]
+
+
+def test_clamps_hang_at_their_own_sags() -> None:
+    sags = (0.0, 0.012, 0.03, 0.041, 0.044, 0.041, 0.03, 0.012, -0.002)
+    span = Span(60.0, tuple(roped(at, sag=sag) for at, sag in zip(AT, sags, strict=True)), 0.3)
+    rest = statics.solve(Line(spans=(span,)))
+    np.testing.assert_allclose(rest.contact(AT), [-sag for sag in sags], atol=1e-12)
+
+
+def test_parabola_from_the_first_dropper_to_the_last() -> None:
+    span = Span(
+        60.0, tuple(Dropper(at) for at in (5.0, 15.0, 32.5, 50.0, 60.0 - 1e-3)), 0.05, pre_sag_from="first_dropper"
+    )
+    last = span.droppers[-1].position
+    wanted = [span.clamp_height(dropper) for dropper in span.droppers]
+    assert (wanted[0], wanted[-1]) == (0.0, 0.0)
+    s = (15.0 - 5.0) / (last - 5.0)
+    assert wanted[1] == pytest.approx(-4 * 0.05 * s * (1 - s), rel=1e-12)
+    assert Span(60.0, (Dropper(30.0),), 0.05, pre_sag_from="first_dropper").clamp_height(Dropper(30.0)) == -0.05
+
+
+def test_ropes_are_cut_to_the_lengths_that_come_out() -> None:
+    """k_d = EA/l_0, rope and clamps hang on either wire: all three hold to rounding once the lengths have settled."""
+    line = Line(spans=(dataclasses.replace(SPAN, droppers=tuple(map(roped, DROPPERS_3_1)), pre_sag=0.03),))
+    rest = statics.solve(line)
+    sites, drop = rest.sites, rest.sites.kind == DROPPER
+    assert rest.line is line
+    np.testing.assert_allclose(sites.stiffness[drop], 2e5 / rest.dropper_lengths, rtol=1e-12)
+    np.testing.assert_allclose(sites.carrier_mass[drop], 0.195 + 0.0585 * rest.dropper_lengths, rtol=1e-12)
+    np.testing.assert_allclose(sites.contact_mass[drop], 0.165 + 0.0585 * rest.dropper_lengths, rtol=1e-12)
+    weight = 1.35 * 60.0 + sites.contact_mass[drop].sum()
+    assert rest.dropper_forces.sum() == pytest.approx(9.81 * weight, rel=1e-12)
+    # the same line with stiffness and masses written down for every dropper
+    written = statics.built(line)
+    assert not any(dropper.needs_length for dropper in written.spans[0].droppers)
+    same = statics.solve(written)
+    np.testing.assert_allclose(same.dropper_lengths, rest.dropper_lengths, atol=1e-12)
+    np.testing.assert_allclose(same.dropper_forces, rest.dropper_forces, rtol=1e-9)
+    # and the line that was cut to these lengths hangs where they were computed for
+    hung = statics.solve(with_lengths(line, rest.dropper_lengths))
+    np.testing.assert_allclose(hung.contact(AT), rest.contact(AT), atol=1e-9)
+
+
+def test_a_line_without_ropes_is_built_as_it_is() -> None:
+    line = uneven_line()
+    assert statics.built(line) is line
+
+
 # ---- laws ---------------------------------------------------------------------------------------------------------
 
 
@@ -107,9 +162,10 @@ def test_sites_tell_the_whole_period_in_order() -> None:
     assert sites.stiffness[sites.kind == MAST].tolist() == [4e5, 6e5, 5e5]
     arm = int(np.flatnonzero(sites.kind == STEADY_ARM)[0])
     assert (sites.position[arm], sites.kind[arm - 1]) == (50.0, MAST)
-    assert (sites.stiffness[arm], sites.mass[arm], sites.force[arm]) == (250.0, 1.0, 0.0)
+    assert (sites.stiffness[arm], sites.contact_mass[arm], sites.force[arm]) == (250.0, 1.0, 0.0)
     drop = sites.kind == DROPPER
-    assert sites.mass[drop].tolist() == [0.6] * 6 + [0.4] * 9 + [0.0] * 5
+    for half in (sites.carrier_mass, sites.contact_mass):
+        assert half[drop].tolist() == [0.3] * 6 + [0.2] * 9 + [0.0] * 5
     np.testing.assert_allclose(sites.force[drop], sites.stiffness[drop] * sites.elongation[drop], rtol=1e-12)
     assert not sites.length[~drop].any()
 

@@ -45,11 +45,11 @@ def energy(r: Reference) -> float:
     s = r.sites
     ones, zeros = np.ones(s.kind.size), np.zeros(s.kind.size)
     ca, co = incidence(r.mesh, s.position, ones, zeros), incidence(r.mesh, s.position, zeros, ones)
-    between, carried, armed = s.kind == 0, s.kind == 1, s.kind == 2
+    between, carried = s.kind == 0, s.kind == 1
     stretch = np.where(between, (ca - co) @ q, np.where(carried, ca @ q, co @ q))
     total += 0.5 * (s.stiffness * stretch**2).sum()
-    total += 0.5 * (0.5 * s.mass[between] * ((ca @ v) ** 2 + (co @ v) ** 2)[between]).sum()
-    total += 0.5 * (s.mass[armed] * ((co @ v) ** 2)[armed]).sum()
+    for mass, moved in ((s.carrier_mass, ca), (s.contact_mass, co)):
+        total += 0.5 * (mass * (moved @ v) ** 2).sum()
     return float(total)
 
 

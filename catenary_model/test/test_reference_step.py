@@ -53,16 +53,16 @@ class DenseRide:
             ca, co = self.shape(zeta, 0), self.shape(zeta, 1)
             if s.kind[i] == DROPPER:
                 self.springs.append((s.stiffness[i], ca - co, (ca - co) @ W - s.elongation[i]))
-                for g in (ca, co):
-                    M += 0.5 * s.mass[i] * np.outer(g, g)
-                    f -= 0.5 * s.mass[i] * line.gravity * g
+                for g, mass in ((ca, s.carrier_mass[i]), (co, s.contact_mass[i])):
+                    M += mass * np.outer(g, g)
+                    f -= mass * line.gravity * g
             elif s.kind[i] == MAST:
                 K += s.stiffness[i] * np.outer(ca, ca)
                 f += s.stiffness[i] * (ca @ W) * ca
             else:
                 K += s.stiffness[i] * np.outer(co, co)
                 f += s.stiffness[i] * (co @ W) * co
-                M += s.mass[i] * np.outer(co, co)
+                M += s.contact_mass[i] * np.outer(co, co)
         if ends == "matched_dashpot":
             for node in (0, self.mesh.nodes - 1):
                 for which, wire in ((0, line.carrier), (1, line.contact)):

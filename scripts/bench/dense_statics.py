@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model.line import Line, Wire
-from catenary_model.statics import clamp_height
 
 Array = NDArray[np.float64]
 
@@ -58,21 +57,21 @@ class DenseStatics:
 def solve(line: Line) -> DenseStatics:
     """Solve for a line with droppers; given lengths by flipping whatever disagrees."""
     rows = [
-        (start + d.position, d.stiffness, d.mass, np.nan if d.length is None else d.length)
+        (start + d.position, d.stiffness, d.carrier_mass, d.contact_mass, np.nan if d.length is None else d.length)
         for start, span in zip(line.span_starts, line.spans, strict=True)
         for d in span.droppers
     ]
-    at, k, mass, length = np.array(rows).T
-    wanted = np.array([clamp_height(d.position, s.length, s.pre_sag) for s in line.spans for d in s.droppers])
+    at, k, on_carrier, on_contact, length = np.array(rows).T
+    wanted = np.array([s.clamp_height(d) for s in line.spans for d in s.droppers])
     masts = np.array(line.span_starts)
-    n, m, P, half = at.size, masts.size, line.period, 0.5 * line.gravity * mass
+    n, m, P, gravity = at.size, masts.size, line.period, line.gravity
     carrier_at = np.concatenate((at, masts))
     G = green(carrier_at[:, None] - carrier_at, P, line.carrier)
     carrier = np.column_stack((-G[:, :n], G[:, n:], np.ones(n + m), np.zeros(n + m)))
-    carrier_known = -G[:, :n] @ half
+    carrier_known = -G[:, :n] @ (gravity * on_carrier)
     G = green(at[:, None] - at, P, line.contact)
     contact = np.column_stack((G, np.zeros((n, m + 1)), np.ones(n)))
-    contact_known = -G @ half
+    contact_known = -G @ (gravity * on_contact)
     given = ~np.isnan(length)
     A, b = np.zeros((n + m + 2, n + m + 2)), np.zeros(n + m + 2)
     A[:n] = contact - np.where(given[:, None], carrier[:n], 0.0)
@@ -81,8 +80,8 @@ def solve(line: Line) -> DenseStatics:
     A[n : n + m] = carrier[n:]
     b[n : n + m] = [span.mast.encumbrance for span in line.spans] - carrier_known[n:]
     A[n + m, :n], A[n + m, n : n + m], A[n + m + 1, :n] = -1.0, 1.0, 1.0
-    g = line.gravity * P
-    b[n + m :] = line.carrier.mass_per_length * g + half.sum(), line.contact.mass_per_length * g + half.sum()
+    b[n + m] = gravity * (line.carrier.mass_per_length * P + on_carrier.sum())
+    b[n + m + 1] = gravity * (line.contact.mass_per_length * P + on_contact.sum())
     on = np.ones(b.size, dtype=np.bool_)
     for _ in range(100):
         x = np.zeros(b.size)
@@ -95,5 +94,5 @@ def solve(line: Line) -> DenseStatics:
     else:
         raise AssertionError("did not settle")
     stretch = np.where(on[:n], x[:n] / k, lacking[:n])
-    loads = np.concatenate((-x[:n] - half, x[n : n + m])), x[:n] - half
+    loads = np.concatenate((-x[:n] - gravity * on_carrier, x[n : n + m])), x[:n] - gravity * on_contact
     return DenseStatics(line, x[:n], x[n : n + m], stretch, carrier_at, loads[0], at, loads[1], (x[-2], x[-1]))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary_model import statics
 from catenary_model.elements import shape_functions
 from catenary_model.line import Line
 from catenary_model.moving_frame import Mesh
@@ -38,6 +39,7 @@ def fade(mesh: Mesh, position: float, fading_length: float) -> float:
 def frozen(line: Line, mesh: Mesh, zeta: float, fading_length: float) -> list[Spring]:
     """Return all droppers (taut), masts and steady arms within the domain, the pantograph at track position zeta."""
     springs = []
+    line = statics.built(line)
     behind, ahead, period = float(mesh.x[0]), float(mesh.x[-1]), line.period
     for repeat in range(math.floor((zeta + behind) / period), math.ceil((zeta + ahead) / period) + 1):
         for span, start in zip(line.spans, line.span_starts, strict=True):

@@ -85,7 +85,7 @@ def check(config: Config) -> None:
             f"m, less {beyond:g} m"
         )
     carrier, contact = (_MARGIN * one.stiffest() for one in grids(config))
-    for i, span in enumerate(line.spans):
+    for i, span in enumerate(statics.built(line).spans):
         arm = span.steady_arm.stiffness if span.steady_arm else 0.0
         springs = [(f"spans[{i}].mast", span.mast.stiffness, 1.0 / carrier)]
         springs.append((f"spans[{i}].steady_arm", arm, 1.0 / contact))

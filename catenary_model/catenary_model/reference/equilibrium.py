@@ -2,7 +2,7 @@
 
     K W = f_g - sum_d g_d F_d - constraints,     F_d = k_d (g_d . W - l_0)  if that is positive, else 0
 
-with g_d . W = carrier minus contact wire at the clamps (shape functions), half of a dropper's weight at either clamp,
+with g_d . W = carrier minus contact wire at the clamps (shape functions), the droppers' weights at the clamps,
 the carrier held at the encumbrance on every mast and, at the two ends only, the contact wire at the height and both
 wires at the slope of the closed form (`statics`). Where the mesh rounds the kink at a clamp, so does W: it is the
 shape about which the deviation has to be integrated, since a dropper that goes slack takes the mesh's kink away, not
@@ -97,9 +97,12 @@ def weight(line: Line, mesh: TrackMesh, sites: Sites) -> Array:
         load = -wire.mass_per_length * line.gravity * consistent
         f[:-1, 2 * which : 2 * which + 2] += load[:2]
         f[1:, 2 * which : 2 * which + 2] += load[2:]
-    ones = np.ones(int(droppers.sum()))
-    clamps = incidence(mesh, sites.position[droppers], ones, ones)
-    return f.ravel() - clamps.T @ (0.5 * line.gravity * sites.mass[droppers])
+    ones, none = np.ones(int(droppers.sum())), np.zeros(int(droppers.sum()))
+    total = f.ravel()
+    for on_carrier, on_contact, mass in ((ones, none, sites.carrier_mass), (none, ones, sites.contact_mass)):
+        clamps = incidence(mesh, sites.position[droppers], on_carrier, on_contact)
+        total = total - clamps.T @ (line.gravity * mass[droppers])
+    return np.asarray(total)
 
 
 @dataclass(frozen=True)

@@ -85,16 +85,17 @@ def links(line: Line, mesh: TrackMesh, sites: Sites, rest: Equilibrium, ends: st
 def _drafts(line: Line, mesh: TrackMesh, sites: Sites, rest: Equilibrium, ends: str) -> list[_Draft]:
     drafts = _ends(line, mesh, ends)
     for i, zeta in enumerate(map(float, sites.position)):
-        k, m = float(sites.stiffness[i]), float(sites.mass[i])
+        k, masses = float(sites.stiffness[i]), (float(sites.carrier_mass[i]), float(sites.contact_mass[i]))
         if sites.kind[i] == DROPPER:
             at_rest = (float(rest.elongation[i]), float(rest.force[i]))
             drafts.append(_Draft(zeta, 1.0, -1.0, k, 0.0, 0.0, at_rest, False))
-            if m > 0.0:
-                drafts += [_Draft(zeta, ca, 1.0 - ca, 0.0, 0.0, 0.5 * m, None, False) for ca in (1.0, 0.0)]
+            for m, ca in zip(masses, (1.0, 0.0), strict=True):
+                if m > 0.0:
+                    drafts.append(_Draft(zeta, ca, 1.0 - ca, 0.0, 0.0, m, None, False))
         elif sites.kind[i] == MAST:
-            drafts.append(_Draft(zeta, 1.0, 0.0, k, 0.0, m, None, False))
-        elif sites.kind[i] == STEADY_ARM and (k > 0.0 or m > 0.0):
-            drafts.append(_Draft(zeta, 0.0, 1.0, k, 0.0, m, None, False))
+            drafts.append(_Draft(zeta, 1.0, 0.0, k, 0.0, masses[0], None, False))
+        elif sites.kind[i] == STEADY_ARM and (k > 0.0 or masses[1] > 0.0):
+            drafts.append(_Draft(zeta, 0.0, 1.0, k, 0.0, masses[1], None, False))
     return sorted(drafts, key=lambda draft: draft.zeta)
 
 

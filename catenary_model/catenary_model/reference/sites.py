@@ -20,5 +20,5 @@ def repeated(statics: Statics, mesh: TrackMesh) -> Sites:
     position = np.tile(one.position, copies) + shift
     inside = (position > mesh.start - _ON_THE_MAST) & (position < mesh.end + _ON_THE_MAST)
     position = np.clip(position[inside], mesh.start, mesh.end)
-    columns = (one.stiffness, one.mass, one.force, one.elongation, one.length)
+    columns = (one.stiffness, one.carrier_mass, one.contact_mass, one.force, one.elongation, one.length)
     return Sites(position, np.tile(one.kind, copies)[inside], *(np.tile(column, copies)[inside] for column in columns))

@@ -97,7 +97,8 @@ def wire_gains(wire: Wire, h: float, speed: float, layer: Layer, settings: Setti
         return {"behind": behind, "ahead": ahead}
 
     step = {"ts": layer.ts, "beta": layer.beta, "gamma": layer.gamma}
-    stored = cache.cached("gain", {**asdict(wire), "h": h, "speed": speed, **step, **asdict(fitting)}, design)
+    kind = {key: value for key, value in asdict(wire).items() if key != "source"}
+    stored = cache.cached("gain", {**kind, "h": h, "speed": speed, **step, **asdict(fitting)}, design)
     return stored["behind"], stored["ahead"]
 
 
