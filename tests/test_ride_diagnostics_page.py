@@ -15,12 +15,8 @@ PAGE = ROOT / "docs" / "diagnostics.md"
 SAYING = {"Diagnosis", "add", "refuse", "retract", "error", "warning", "info", "_refuse", "_object", "_objects"}
 """Functions whose arguments are sentences, wherever they are called in a node's code."""
 SENTENCES = {
-    "interfaces/phil_node/phil_node/base.py": (
-        "_diagnosis",
-        "_misses_clock",
-        "_attempt",
-        "_LifecycleNodeMixin__change_state",
-    ),
+    "interfaces/phil_node/phil_node/base.py": ("_attempt", "_LifecycleNodeMixin__change_state"),
+    "interfaces/phil_node/phil_node/health.py": ("diagnosis", "_misses_clock"),
     "interfaces/phil_node/phil_node/timing.py": ("refuse",),
     "interfaces/phil_base/phil_base/guard.py": ("objection",),
     "interfaces/phil_node/phil_node/bounded_log.py": ("_line",),
@@ -35,7 +31,7 @@ SENTENCES = {
     "energy_monitor/energy_monitor/audit.py": ("complaints", "_refuse"),
 }
 FIGURES = {
-    "interfaces/phil_node/phil_node/base.py": ("_diagnosis",),
+    "interfaces/phil_node/phil_node/health.py": ("diagnosis",),
     "interfaces/phil_node/phil_node/timing.py": ("summary",),
     "interfaces/phil_node/phil_node/wires.py": ("figures",),
     "interfaces/phil_base/phil_base/real_time.py": ("apply", "_give"),
@@ -43,8 +39,8 @@ FIGURES = {
     "energy_monitor/energy_monitor/node.py": ("diagnose",),
 }
 CALLS = ("interfaces/phil_node/phil_node/*.py", "energy_monitor/energy_monitor/[an]*.py")
-OF_SCRIPTS = ("command_line.py",)
-"""Says what is wrong with a script's command line, on the terminal."""
+OF_SCRIPTS = ("command_line.py", "identify.py")
+"""Say what is wrong with a script's command line, on the terminal."""
 CALLS = (*CALLS, *(f"{name}/{name}/*.py" for name in ("catenary_model", "impedance_mpc", "test_rig_sim")))
 
 

@@ -156,7 +156,7 @@ def test_gaps_duplicates_nonsense_and_reset(partner: Partner) -> None:
     timing = partner.node.timing
     assert (timing.missing, timing.stale, timing.refused) == (3, 1, 1)
     # 2 came when its cycle had been bridged, behind 5; of 3 and 4 nothing came
-    shown = partner.node._diagnosis().values
+    shown = partner.node.health.diagnosis().values
     kinds = ("late", "lost", "doubled", "swapped")
     assert [shown[f"messages {kind}"] for kind in kinds] == ["1", "2", "2", "1"]
     assert shown["input impedance_mpc/command"] == "late 1, lost 2, doubled 2, swapped 1"
@@ -194,7 +194,8 @@ def test_gaps_duplicates_nonsense_and_reset(partner: Partner) -> None:
     partner.until(lambda: partner.states[-1].cycle == 1)
     assert partner.states[-1].w_cat == partner.states[1].w_cat
     assert partner.node.diagnose().level == b"\x00"
-    assert partner.node._diagnosis().values["input impedance_mpc/command"] == "late 0, lost 0, doubled 0, swapped 0"
+    shown = partner.node.health.diagnosis().values
+    assert shown["input impedance_mpc/command"] == "late 0, lost 0, doubled 0, swapped 0"
 
 
 def test_the_turnaround_of_the_last_cycles_is_sent_at_the_end(partner: Partner) -> None:

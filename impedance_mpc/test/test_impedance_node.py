@@ -214,13 +214,13 @@ def test_late_lost_doubled_and_swapped_states_are_counted(bench):
     assert take("r4 c3 r3 c4 r5 c5") == [3, 4, 5]
     assert take("r8 r9 c6") == [8]  # 6 and 7 are lost: the wire's next state is all there is
     assert take("r7 c7 c8 c9") == [9]  # what the wire bridged comes behind
-    found = node._diagnosis().values
+    found = node.health.diagnosis().values
     assert found["input test_rig_sim/state"] == "late 1, lost 1, doubled 2, swapped 2"
     assert found["input catenary_model/state"] == "late 2, lost 0, doubled 2, swapped 0"
     kinds = ("late", "lost", "doubled", "swapped")
     assert [found[f"messages {kind}"] for kind in kinds] == ["3", "1", "4", "2"]
     node.reset()
-    assert node._diagnosis().values["input test_rig_sim/state"] == "late 0, lost 0, doubled 0, swapped 0"
+    assert node.health.diagnosis().values["input test_rig_sim/state"] == "late 0, lost 0, doubled 0, swapped 0"
 
 
 def test_reset_starts_at_cycle_zero_and_correction_is_switched_by_service(bench):

@@ -13,7 +13,7 @@ from phil_interfaces.msg import ImpedanceCommand
 from rig_ride import CYCLES, after, rides_of_a_node, sine  # noqa: F401
 from std_srvs.srv import Trigger
 
-from phil_node.base import QUIET
+from phil_node.services import QUIET, reset
 from test_rig_sim.node import ASKING, ENDED, WAITING
 from test_rig_sim.supervisor import Mode
 
@@ -153,7 +153,7 @@ def test_late_lost_doubled_and_swapped_commands_are_counted_and_each_has_its_pol
         return rig._drive.mode.name
 
     def counts() -> list[int]:
-        shown = rig._diagnosis().values
+        shown = rig.health.diagnosis().values
         assert shown["input impedance_mpc/command"] == str(rig._commands)
         return [int(shown[f"messages {kind}"]) for kind in ("late", "lost", "doubled", "swapped")]
 
@@ -246,6 +246,6 @@ def test_reset_begins_anew_with_cycle_zero(ride: Any) -> None:
     first = list(found.states)
     found.states.clear()
     time.sleep(QUIET)  # the base takes no reset before
-    assert found.rig._serve_reset(Trigger.Request(), Trigger.Response()).success
+    assert found.reset(rig, Trigger.Request(), Trigger.Response()).success
     found.spin()
     assert found.states == first

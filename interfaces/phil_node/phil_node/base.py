@@ -2,51 +2,39 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 from time import time_ns
 from typing import Any, Generic, TypeVar
 
 from phil_interfaces.msg import CycleTiming
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from phil_base.parameters import Group, ParameterError, defaults, infos, values_of
-from phil_base.real_time import FIFO, Granted, apply, set_thread
-from phil_base.scheduling import CYCLE as CYCLE_PRIORITY
-from phil_base.scheduling import IN_CYCLE, MIDDLE, priority_of
-from phil_node import collector
+from phil_base.parameters import Group, ParameterError, defaults
+from phil_base.real_time import Granted
+from phil_node import collector, services, system
 from phil_node.answers import Answers
 from phil_node.bounded_log import BoundedLog
-from phil_node.changes import as_declared, fixed_while_active, merged
+from phil_node.changes import Changes
 from phil_node.cycle_thread import CycleTimer
 from phil_node.declare import declare
-from phil_node.diagnosis import ERROR, LOOK, OK, STALE, WARN, Diagnosis, Reporter
+from phil_node.diagnosis import ERROR, LOOK, OK, STALE, WARN, Diagnosis
+from phil_node.health import Health
 from phil_node.paths import CycleReceiver, CycleSender, Follower, Sender
 from phil_node.process import RCLError, leave, run
 from phil_node.qos import CYCLE
+from phil_node.services import QUIET
 from phil_node.timing import Timing
 from phil_node.wires import Wires
 
 P = TypeVar("P", bound=Group)
 
-QUIET = 1.0
-"""Time in s without a cycle after which a ride counts as over."""
-SWITCH = 5e-5
-"""Time in s for which the cycle's thread at most waits for Python code of another thread of its process."""
-LONG_SWITCH = 1e-3
-"""The same in lockstep for a thread that has the cycles of several nodes, and never waits by itself."""
-LOCKSTEP = "lockstep"
-"""Value of the parameter ``mode`` of a ride that waits for its cycles; any other runs by the wall clock."""
-
-__all__ = ["ERROR", "OK", "STALE", "WARN", "Diagnosis", "PhilNode", "leave", "run"]
+__all__ = ["ERROR", "OK", "QUIET", "STALE", "WARN", "Diagnosis", "PhilNode", "leave", "run"]
 
 
 class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
@@ -69,32 +57,25 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         except ValueError as error:
             # An empty list in a parameter file has no type that rclpy could keep.
             raise ParameterError(f"{name}: a parameter was given without a value ([]): {error}") from None
-        self._model = model
-        self._live = frozenset(info.name for info in infos(model) if info.live)
         self.parameters: P = declare(self, model, defaults(name))
         self.timing = Timing()
         self.finished = Future()
         # Held by whoever touches the cycle's state: its thread, or the executor's for services, timers and parameters.
         self.lock = threading.RLock()
         self.failure: BaseException | None = None
-        self.wires = Wires(self, self.lock, self._fail, self.cycle_role, self._priority_for_topics)
+        self.wires = Wires(self, self.lock, self._fail, self.cycle_role, partial(system.priority_for_topics, self))
         self.configured = False
         self.active = False
         self.has_process = False
         self.granted = Granted()
-        self._stale_build = False
         self._owned: list[tuple[Callable[[Any], Any], Any]] = []
-        self.add_pre_set_parameters_callback(self._prepare_parameters)
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._take_parameters)
+        self.changes = Changes(self, model)
         self.log = BoundedLog(lambda: self.get_logger())
-        self._failure = ""
-        self._reporter = Reporter(self.full_name, self.wires.say, self._diagnosis, self._all_signs, self.ride_time)
+        self.health = Health(self)
         # No timer of ours on the ROS clock: under use_sim_time it stands still until somebody publishes /clock.
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._clock_missed = False
-        self._timer = self.create_timer(LOOK, self._reporter.look, clock=self.steady)
-        self._reset_service = self.create_service(Trigger, "~/reset", self._serve_reset)
+        self._timer = self.create_timer(LOOK, self.health.look, clock=self.steady)
+        self._reset_service = self.create_service(Trigger, "~/reset", partial(services.reset, self))
         self.answers = Answers(self, self._nobody_heard)
 
     # What a node overrides -------------------------------------------------------------------------------------
@@ -156,7 +137,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         clock up to cycle 0 and runs on from the newest stamp, whatever becomes of the wall clock.
         """
         stamp, ago = self.newest()
-        if getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP:
+        if system.in_lockstep(self.parameters):
             return stamp
         return stamp + round(ago * 1e9) if stamp else self.wall_clock()
 
@@ -213,20 +194,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         A service that went with the design would take with it the requests that wait, and the node, which would answer
         through a handle that is gone. ``kind`` has an answer of ``success`` and ``message``.
         """
-
-        def answer(request: Any, response: Any) -> Any:
-            if not self.configured:
-                response.success, response.message = False, f"{self.get_name()} is not configured"
-                return response
-            try:
-                with self.lock:
-                    return callback(request, response)
-            except Exception as error:
-                self.log.error(f"{name}: {error}")
-                response.success, response.message = False, str(error) or type(error).__name__
-                return response
-
-        return self.create_service(kind, name, answer)
+        return self.create_service(kind, name, partial(services.answer, self, name, callback))
 
     def time_cycles(self, budget: float, count_overruns: bool = True) -> None:
         """Create ~/timing and send the batches of ``self.timing`` there; ``budget`` is the cycle time in s."""
@@ -243,15 +211,13 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         """Rebuild if parameters changed, freeze the garbage collector, start."""
 
         def activate() -> None:
-            if self._stale_build:
+            if self.changes.stale:
                 self._tear_down()
                 self._build()
             self.timing.clear()
             self.log.prepare()
             collector.hold(self)
-            in_lockstep = getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP
-            sys.setswitchinterval(LONG_SWITCH if in_lockstep and not self.wires.alone else SWITCH)
-            self._ask_system()
+            self.granted = system.ask(self)
             # Publishers first: start() may publish at once.
             LifecycleNode.on_activate(self, state)
             self.wires.connect()
@@ -268,19 +234,6 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self.wires.begin()
 
         return self._attempt("activate", activate)
-
-    def _ask_system(self) -> None:
-        """Ask for what real time needs; a process that belongs to others as well (a test's) is left as it is."""
-        wanted = getattr(self.parameters, "real_time", None)
-        if not self.has_process or wanted is None:
-            return
-        in_lockstep = getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP
-        alone = self.wires.alone
-        self.granted = apply(wanted, self.threads_role if alone else MIDDLE, level=in_lockstep)
-        if self.cycle_role in IN_CYCLE or not alone:
-            set_thread("serve")
-        for line in () if in_lockstep else self.granted.advice:
-            self.get_logger().warning(line)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop and let the garbage collector work again."""
@@ -316,10 +269,10 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         try:
             action()
         except Exception as error:
-            self._failure = f"cannot {what}: {str(error) or type(error).__name__}"
-            self.log.error(self._failure)
+            self.health.failure = f"cannot {what}: {str(error) or type(error).__name__}"
+            self.log.error(self.health.failure)
             return TransitionCallbackReturn.FAILURE
-        self._failure = ""
+        self.health.failure = ""
         return TransitionCallbackReturn.SUCCESS
 
     def _build(self) -> None:
@@ -330,7 +283,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
             self._destroy_owned()
             raise
         self.configured = True
-        self._stale_build = False
+        self.changes.stale = False
 
     def _halt(self) -> None:
         self.active = False
@@ -346,14 +299,6 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
         self.active = False
         self.wires.close()
         super().destroy_node()
-
-    def _priority_for_topics(self, linked: bool) -> int:
-        """Let the process for topics go first where the loop needs it: in lockstep, and for peers without a link."""
-        wanted = getattr(self.parameters, "real_time", None)
-        in_lockstep = getattr(self.parameters, "mode", LOCKSTEP) == LOCKSTEP
-        if wanted is None or wanted.scheduling != FIFO or (linked and not in_lockstep):
-            return 0
-        return priority_of("transport", wanted.priority or CYCLE_PRIORITY, in_lockstep)
 
     def _fail(self, error: BaseException) -> None:
         """Keep what went wrong in the cycle's thread: the process ends with it."""
@@ -375,99 +320,7 @@ class PhilNode(LifecycleNode, Generic[P]):  # type: ignore[misc]
 
     # Services, parameters, diagnostics -------------------------------------------------------------------------
 
-    def _serve_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self.configured:
-            response.success, response.message = False, f"{self.get_name()} is not configured"
-            return response
-        if self.active and self.timing.idle < QUIET:
-            reason = "a ride is going on: end it first (emergency stop, or deactivate test_rig_sim)"
-            response.success, response.message = False, f"{self.get_name()} was not reset: {reason}"
-            return response
-        try:
-            with self.lock:
-                self.timing.finish()
-                self.timing.clear()
-                self.reset()
-        except Exception as error:
-            response.success, response.message = False, str(error)
-        else:
-            response.success, response.message = True, f"{self.get_name()} is back at its initial state"
-        return response
-
     def _nobody_heard(self, name: str) -> None:
         self.log.warning(
             f"nobody heard an answer of {name}: who asked is gone, or cannot hear this node (quality of service?)"
         )
-
-    def _prepare_parameters(self, changes: list[Parameter]) -> list[Parameter]:
-        return as_declared(self.get_name(), self._model, changes)
-
-    def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
-        reason = fixed_while_active(self.get_name(), self._live, changes) if self.active else ""
-        if not reason:
-            try:
-                merged(self.parameters, changes)
-            except ParameterError as error:
-                reason = str(error)
-        return SetParametersResult(successful=not reason, reason=reason)
-
-    def _take_parameters(self, changes: list[Parameter]) -> None:
-        ours = values_of(self.parameters).keys()
-        names = frozenset(change.name for change in changes if change.name in ours)
-        if not names:
-            return
-        with self.lock:
-            self.parameters = merged(self.parameters, changes)
-            if self.configured and not names <= self._live:
-                self._stale_build = True
-            elif self.configured:
-                self.changed(names)
-
-    def _publish_diagnosis(self) -> None:
-        self._reporter.publish()
-
-    def _all_signs(self) -> tuple[object, ...]:
-        timing, state = self.timing, (self.active, self.configured, self._failure)
-        if not self.active:
-            return state
-        counted = bool(timing.late), bool(timing.missing), len(timing.refusals)
-        return (*state, *counted, len(self.wires.contested()), self.stuck(), bool(self.silence()), *self.signs())
-
-    def _diagnosis(self) -> Diagnosis:
-        """Say how the node is: what its own `diagnose` says, and what is the same for all nodes."""
-        timing = self.timing
-        if self.active:
-            found = self.diagnose()
-            if self.stuck() and found.level != ERROR:
-                found.level, found.message = ERROR, f"cannot go on: {'; '.join(timing.refusals)}"
-            elif silence := self.silence():
-                found.add(STALE, silence)
-        else:
-            found = Diagnosis(message="configured" if self.configured else "unconfigured")
-        if self._failure:
-            found.add(WARN, self._failure)
-        for topic in self.wires.contested():
-            found.add(WARN, f"{topic} has a second publisher: end it")
-        if self.wires.namesakes() > 1:
-            found.add(WARN, f"another node on this ROS domain is called {self.full_name}, too: end one of them")
-        own = {
-            "process": str(os.getpid()),
-            "answers that nobody heard": str(self.answers.given_up),
-            **self.granted.figures,
-            **self.wires.figures(),
-        }
-        if self._misses_clock():
-            own["clock"] = "the system's: use_sim_time is set, but nothing came on /clock"
-        counts = {"late": timing.late, "missing": timing.missing, "stale": timing.stale, "refused": timing.refused}
-        last = {"last incident s ago": self._reporter.since_last(**counts)}
-        found.values = {**own, **timing.summary(), **last, **found.values}
-        return found
-
-    def _misses_clock(self) -> bool:
-        """Tell whether use_sim_time is set without a /clock, and say it once in the log."""
-        clock = self.get_clock()
-        missing = bool(clock.ros_time_is_active) and clock.now().nanoseconds == 0
-        if missing and not self._clock_missed and self.active:
-            self._clock_missed = True
-            self.log.warning("use_sim_time is set, but nothing came on /clock: going on by the system's clock")
-        return missing

@@ -6,11 +6,12 @@ import math
 from collections.abc import Collection, Iterable
 from typing import Any, TypeVar
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 
 from phil_base.parameter_file import is_rclpys
-from phil_base.parameters import Group, Info, build, infos, nearest, values_of
+from phil_base.parameters import Group, Info, ParameterError, build, infos, nearest, values_of
 from phil_base.yaml_file import YamlError, parse_yaml
 
 P = TypeVar("P", bound=Group)
@@ -63,6 +64,47 @@ def fixed_while_active(node: str, live: Collection[str], changes: Iterable[Param
         if change.name not in live:
             return f"'{change.name}' cannot change while active: deactivate {node} first"
     return ""
+
+
+class Changes:
+    """Takes changes of a node's parameters: live ones at once, others with its next design.
+
+    ``stale`` tells that the present design is one of older parameters.
+    """
+
+    def __init__(self, node: Any, model: type[Group]) -> None:
+        self.stale = False
+        self._node, self._model = node, model
+        self._live = frozenset(info.name for info in infos(model) if info.live)
+        node.add_pre_set_parameters_callback(self._prepare)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._take)
+
+    def _prepare(self, changes: list[Parameter]) -> list[Parameter]:
+        return as_declared(self._node.get_name(), self._model, changes)
+
+    def _check(self, changes: list[Parameter]) -> SetParametersResult:
+        node = self._node
+        reason = fixed_while_active(node.get_name(), self._live, changes) if node.active else ""
+        if not reason:
+            try:
+                merged(node.parameters, changes)
+            except ParameterError as error:
+                reason = str(error)
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def _take(self, changes: list[Parameter]) -> None:
+        node = self._node
+        ours = values_of(node.parameters).keys()
+        names = frozenset(change.name for change in changes if change.name in ours)
+        if not names:
+            return
+        with node.lock:
+            node.parameters = merged(node.parameters, changes)
+            if node.configured and not names <= self._live:
+                self.stale = True
+            elif node.configured:
+                node.changed(names)
 
 
 def _as_declared(info: Info, change: Parameter) -> Parameter:

@@ -118,7 +118,7 @@ def test_requests_that_wait_while_the_design_goes_are_answered(bench: Callable[.
             words.publish(Header())
         time.sleep(0.05)  # they are in the queue of the executor now
         if rebuild:
-            one.node._stale_build = True
+            one.node.changes.stale = True
             assert one.node.trigger_activate() == TransitionCallbackReturn.SUCCESS
         else:
             assert one.node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS

@@ -55,14 +55,14 @@ def mute() -> Iterator[Mute]:
 
 
 def test_a_node_says_why_it_refused_until_it_did_not(mute: Mute) -> None:
-    signs = mute._all_signs()
+    signs = mute.health.signs()
     assert mute.trigger_configure() == TransitionCallbackReturn.FAILURE
-    assert mute._all_signs() != signs  # told at once
-    found = mute._diagnosis()
+    assert mute.health.signs() != signs  # told at once
+    found = mute.health.diagnosis()
     assert (found.level, found.message) == (WARN, "cannot configure: no model")
     mute.fault = ""
     assert mute.trigger_configure() == TransitionCallbackReturn.SUCCESS
-    found = mute._diagnosis()
+    found = mute.health.diagnosis()
     assert (found.level, found.message) == (OK, "configured")
 
 
@@ -71,23 +71,23 @@ def test_a_node_to_which_nothing_comes_is_stale_but_an_error_stays_one(mute: Mut
     mute.fault = ""
     mute.trigger_configure()
     mute.trigger_activate()
-    assert mute._diagnosis().level == OK
-    signs, mute.gone = mute._all_signs(), "no state since cycle 7"
-    assert mute._all_signs() != signs
-    found = mute._diagnosis()
+    assert mute.health.diagnosis().level == OK
+    signs, mute.gone = mute.health.signs(), "no state since cycle 7"
+    assert mute.health.signs() != signs
+    found = mute.health.diagnosis()
     assert (found.level, found.message) == (STALE, "no state since cycle 7")
     mute.said = Diagnosis(ERROR, "emergency stop")
-    found = mute._diagnosis()
+    found = mute.health.diagnosis()
     assert (found.level, found.message) == (ERROR, "emergency stop; no state since cycle 7")
     mute.said, mute.gone = Diagnosis(), ""
-    assert mute._diagnosis().level == OK
+    assert mute.health.diagnosis().level == OK
     mute.trigger_deactivate()
 
 
 def test_another_node_of_the_name_is_told(mute: Mute, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert mute._diagnosis().level == OK
+    assert mute.health.diagnosis().level == OK
     monkeypatch.setattr(mute, "count_services", lambda name: 2 if name == "/diagnosed/test_rig_sim/reset" else 0)
-    found = mute._diagnosis()
+    found = mute.health.diagnosis()
     assert found.level == WARN and "another node on this ROS domain is called /diagnosed/test_rig_sim" in found.message
 
 
