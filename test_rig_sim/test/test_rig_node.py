@@ -246,6 +246,6 @@ def test_reset_begins_anew_with_cycle_zero(ride: Any) -> None:
     first = list(found.states)
     found.states.clear()
     time.sleep(QUIET)  # the base takes no reset before
-    assert found.reset(rig, Trigger.Request(), Trigger.Response()).success
+    assert reset(found.rig, Trigger.Request(), Trigger.Response()).success
     found.spin()
     assert found.states == first

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 from rig_ride import CYCLES, rides_of_a_node, sine  # noqa: F401
 from std_srvs.srv import Trigger
 
+from phil_node.services import reset
 from test_rig_sim import node as module
 from test_rig_sim.node import ASKING, ENDED, TICKING
 from test_rig_sim.supervisor import Mode
@@ -149,7 +150,7 @@ def test_nothing_rearms_after_a_trip_but_a_reset(ride: Any) -> None:
     rig.trigger_cleanup()
     rig.trigger_configure()
     assert rig.trigger_activate().value == Transition.TRANSITION_CALLBACK_FAILURE
-    assert rig._serve_reset(Trigger.Request(), Trigger.Response()).success
+    assert reset(rig, Trigger.Request(), Trigger.Response()).success
     assert rig.trigger_activate().value == Transition.TRANSITION_CALLBACK_SUCCESS
 
 
