@@ -14,7 +14,7 @@ from phil_base.parameters import ParameterError, config_file, defaults, read_fil
 
 APART = 0.01
 """1, difference over the larger of both that is worth a mark."""
-HEAD_MASS = {"en50318": 7.2, "three_mass": 7.5, "nonlinear": 7.2}
+HEAD_MASS = {"en50318": 7.2, "three_mass": 7.5, "benchmark": 7.5, "dsa380": 7.12, "dsa250": 7.51, "nonlinear": 7.2}
 """kg, what moves with the head of test_rig_sim's pantographs; that of a state-space file is not known."""
 RIGS = ("nominal", "ideal", "harsh")
 """Rigs whose closed position loop was identified."""

@@ -50,5 +50,24 @@ LUMPED = {
         (100.0, 0.1, 0.1),
         "generic high-speed pantograph; masses and springs are those of the AC simple benchmark, read in public code",
     ),
+    "benchmark": Lumped(
+        (6.0, 9.0, 7.5),
+        (160.0, 15500.0, 7000.0),
+        (100.0, 0.1, 45.0),
+        "pantograph of the AC simple benchmark; masses and springs read in public code (github.com/vivek-nexus/"
+        "pantograph-catenary-model-ui, commit 72611a6), dampers from memory, unverified: that code has none",
+    ),
+    "dsa380": Lumped(
+        (5.80, 6.00, 7.12),
+        (0.1, 14100.0, 9430.0),
+        (70.0, 0.0, 0.0),
+        "DSA380, second-hand: two public sources (one of them public code) have the same numbers, neither the maker's",
+    ),
+    "dsa250": Lumped(
+        (4.645, 5.855, 7.51),
+        (80.0, 6200.0, 8380.0),
+        (70.0, 0.0, 0.0),
+        "DSA250, second-hand: public code, one source",
+    ),
 }
 """By the name under which rig and catenary know them."""

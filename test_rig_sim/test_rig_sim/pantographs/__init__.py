@@ -3,6 +3,9 @@
 from types import MappingProxyType
 from typing import Protocol
 
+from test_rig_sim.pantographs.benchmark import benchmark
+from test_rig_sim.pantographs.dsa250 import dsa250
+from test_rig_sim.pantographs.dsa380 import dsa380
 from test_rig_sim.pantographs.en50318 import en50318
 from test_rig_sim.pantographs.motion import Pantograph
 from test_rig_sim.pantographs.nonlinear import nonlinear
@@ -22,6 +25,9 @@ PANTOGRAPHS: MappingProxyType[str, Maker] = MappingProxyType(
     {
         "en50318": en50318,
         "three_mass": three_mass,
+        "benchmark": benchmark,
+        "dsa380": dsa380,
+        "dsa250": dsa250,
         "nonlinear": nonlinear,
         "state_space": state_space,
     }
