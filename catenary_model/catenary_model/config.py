@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field, fields
 
 from catenary_model.boundary import Layer
+from catenary_model.companions import Companion
 from catenary_model.line import Line
 from catenary_model.moving_frame import Mesh
 
@@ -33,6 +35,8 @@ FD_ONLY = (
     "grid_boundary_nodes",
 )
 """Settings that only the finite differences have."""
+CLOSEST, FARTHEST = 5.0, 1000.0
+"""Distance between two pantographs of a train, m."""
 _LEAST = (
     ("spans", 1),
     ("max_slack_iterations", 1),
@@ -103,6 +107,8 @@ class Config:
     """fd: time levels N_t that an absorbing end reads."""
     grid_boundary_nodes: int = 12
     """fd: nodes N_x that an absorbing end reads."""
+    companions: tuple[Companion, ...] = ()
+    """Further pantographs of the train; the domain is longer by the farthest on either side."""
 
     def __post_init__(self) -> None:
         positive = ("cycle_time", "element_length", "segment_half_length", "newmark_beta", "newmark_gamma")
@@ -122,6 +128,7 @@ class Config:
             if getattr(self, name) < least:
                 raise ValueError(f"{name} = {getattr(self, name)} must be at least {least}")
         self._check_discretisation()
+        self._check_companions()
         if min(self.layer_behind, self.layer_ahead) < 0.0:
             raise ValueError(
                 f"layer_behind = {self.layer_behind} and layer_ahead = {self.layer_ahead} must be at least 0"
@@ -154,6 +161,18 @@ class Config:
                 f"{self.grid_spacing} m"
             )
 
+    def _check_companions(self) -> None:
+        """Refuse pantographs that are too close to another one, or farther away than any train is long."""
+        places = sorted([0.0, *(-one.distance for one in self.companions)])
+        for i, one in enumerate(self.companions):
+            if not abs(one.distance) <= FARTHEST:
+                raise ValueError(f"companions[{i}].distance = {one.distance:g} m: allowed is at most {FARTHEST:g} m")
+        closest = min((after - before for before, after in itertools.pairwise(places)), default=math.inf)
+        if closest < CLOSEST:
+            raise ValueError(
+                f"companions: two pantographs are {closest:g} m apart: allowed is at least {CLOSEST:g} m between two"
+            )
+
     @property
     def step_time(self) -> float:
         """Time of one integration step, s."""
@@ -178,6 +197,8 @@ class Config:
     def mesh(self) -> Mesh:
         """Mesh of the domain: the spans and the layers, rounded to whole elements, an even number of them."""
         half = 0.5 * self.spans * self.line.period / len(self.line.spans)
-        behind = round((half + self.layer_behind) / self.spacing)
-        further_ahead = 2 * round(0.5 * (self.layer_ahead - self.layer_behind) / self.spacing)
+        places = [-one.distance for one in self.companions]
+        back, front = max(0.0, -min(places, default=0.0)), max(0.0, max(places, default=0.0))
+        behind = round((half + self.layer_behind + back) / self.spacing)
+        further_ahead = 2 * round(0.5 * (self.layer_ahead + front - self.layer_behind - back) / self.spacing)
         return Mesh(self.spacing, behind, further_ahead)

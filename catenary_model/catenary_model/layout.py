@@ -79,6 +79,18 @@ class Constants(NamedTuple):
     """M, D, K of the reduced model as 2-station blocks, (3, 2 segment stations, 6), see `reduced`."""
     gain: Array4
     """K_ABC transposed, (wire, end, states, inputs), see `boundary.Feedback`; no states: none."""
+    beside: Array2
+    """Companions, see `companions.AT`, ..., (companions, 4)."""
+    numbers: Array2
+    """`pantograph.Constants.real` of each companion, (companions, 4)."""
+    chains: Array4
+    """Damping, stiffness and K_DM^-1 of each companion, (companions, 3, n, n)."""
+    lifts: Array2
+    """Constant forces on the masses of each companion, N, (companions, n)."""
+    riders: Array1
+    """Places x of all pantographs, rising, m, (1 + companions,); the one at x = 0 is among them."""
+    rows: Ints1
+    """What stands in `State.where` for each of them: -1 at x = 0, -2 - r companion r, (1 + companions,)."""
 
 
 class State(NamedTuple):
@@ -107,7 +119,7 @@ class State(NamedTuple):
     here: Array2
     """Work: sites in the domain, column by column, see X, ...; (columns, sites)."""
     where: Ints2
-    """Work: their element, slot in the rings, row in Constants.site (-1: contact), first they feel; (rows, sites)."""
+    """Work: their element, slot in the rings, row in `Constants.site` (< 0: a pantograph), first they feel."""
     psi: Array2
     """Work: their shape functions, (4, sites)."""
     compliance: Array2
@@ -116,3 +128,9 @@ class State(NamedTuple):
     """Work: matrix of the small system, likewise."""
     scratch: Array1
     """Work: a few numbers."""
+    aside: Array2
+    """Companions, see `companions.PLACE`, ..., (companions, 7)."""
+    masses: Array4
+    """Masses of each companion: `pantograph.State`'s y and predicted, (companions, 2, 3, n)."""
+    seats: Ints1
+    """Work: their sites, the one at x = 0 first, (1 + companions,)."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from catenary_model import (
     arena,
+    companions,
     coupled,
     lattice,
     layout,
@@ -135,6 +136,9 @@ class Catenary(Observed):
             for row, wire in zip(local, (line.carrier, line.contact), strict=True):
                 row[:] = lattice.missing_compliance(wire, self.mesh.h, _SAMPLES)
         segment_stations = self.reduced.x.size
+        self._beside = beside = companions.bundle(
+            config.companions, ts, (beta, gamma), real[layout.COMPLIANCE], self.mesh.h, self.mesh.middle
+        )
         whole = np.zeros(8, dtype=np.int64)
         whole[layout.STATIONS], whole[layout.SUBSTEPS] = self.mesh.stations, config.substeps
         whole[layout.MAX_ITERATIONS] = config.max_slack_iterations
@@ -156,6 +160,12 @@ class Catenary(Observed):
             static=lattice.blank_table(line.period),
             segment=self.reduced.compact,
             gain=gains(self.feedback),
+            beside=beside.beside,
+            numbers=beside.numbers,
+            chains=beside.chains,
+            lifts=beside.lifts,
+            riders=beside.riders,
+            rows=beside.rows,
         )
 
     def _state(self, c: layout.Constants) -> layout.State:
@@ -164,7 +174,8 @@ class Catenary(Observed):
         at, period = c.site[:, layout.POSITION], self.config.line.period
         ring = max(1, sites.most_at_once(at, period, self.mesh.h * self.mesh.elements))
         near = sites.most_at_once(at, period, self.mesh.h * (c.whole[layout.REACH] + 1))
-        most, band = ring + 1, 2 * near + 1  # with the contact point
+        count = c.beside.shape[0]
+        most, band = ring + 1 + count, 2 * (near + count) + 1  # with all pantographs
         return layout.State(
             q=np.zeros((3, 2, 2, padded)),
             taut=np.zeros(ring, dtype=np.int64),
@@ -182,11 +193,15 @@ class Catenary(Observed):
             compliance=np.zeros((most, band)),
             system=np.zeros((most, band)),
             scratch=np.zeros(6),
+            aside=self._beside.aside,
+            masses=self._beside.masses,
+            seats=self._beside.seats,
         )
 
     def reset(self) -> None:
         """Go back to rest at the start position, cycle 0; no external load."""
         rewind(self.state, len(self.constants.site), self.config, self.mesh)
+        companions.begin(self.config.companions, self.constants, self.state)
         step.start(self.constants, self.state)
 
     def step(self, f_cat: float) -> None:

@@ -11,13 +11,16 @@ k = 0 and b = -F_s, its lost static force. Its state belongs to the step: after 
 and where one disagrees only the small system is solved again.
 A mass m that sits on the wire takes place, velocity and acceleration over from the wire at the beginning of the step
 and is then integrated by the same Newmark scheme, a spring m/(beta Ts^2) towards its predicted place; at v = 0 that is
-a mass in M. The pantograph, if it is coupled, is a spring that can only push.
+a mass in M. The pantograph, if it is coupled, is a spring that can only push, and so are its companions.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from catenary_model.companions import AT, SPRING
+from catenary_model.companions import HEAD as RIDER_HEAD
+from catenary_model.companions import TOUCH as RIDER_TOUCH
 from catenary_model.layout import (
     AHEAD,
     BEHIND,
@@ -83,12 +86,21 @@ from phil_base.kernels import njit
 
 
 @njit(cache=True, fastmath={"contract"})
+def _seat(here: Array, where: Ints, seats: Ints, row: int, i: int) -> None:
+    """Make a pantograph site i: row -1 is the one at x = 0, row -2 - r companion r."""
+    seats[-1 - row] = i
+    where[SLOT, i], where[ROW, i] = -1, row
+    here[SOFT, i] = 0.0
+    here[CARRIER, i], here[CONTACT_WIRE, i] = 0.0, -1.0
+
+
+@njit(cache=True, fastmath={"contract"})
 def enlist(c: Constants, s: State, zeta: float) -> None:
     """Write the list of sites in the domain around track position zeta (m), by rising position, anew."""
     counter, here, where, site, taut = s.counter, s.here, s.where, c.site, s.taut
     period, n, ring = c.real[PERIOD], c.site.shape[0], s.taut.size
     left, right = zeta - c.real[BEHIND], zeta + c.real[AHEAD]
-    i, droppers, contact = 0, 0, -1
+    i, droppers, rider = 0, 0, 0
     counter[LISTED] = 1
     s.contact[NEXT_CHANGE] = np.inf
     if n > 0:
@@ -100,10 +112,11 @@ def enlist(c: Constants, s: State, zeta: float) -> None:
         while True:
             row = j % n
             at = (j // n) * period + site[row, POSITION]
-            if contact < 0 and at >= zeta:
-                contact = i
+            while rider < c.riders.size and at >= zeta + c.riders[rider]:
+                _seat(here, where, s.seats, c.rows[rider], i)
+                s.contact[NEXT_CHANGE] = min(s.contact[NEXT_CHANGE], at - c.riders[rider])
+                rider += 1
                 i += 1
-                s.contact[NEXT_CHANGE] = min(s.contact[NEXT_CHANGE], at)
             if at >= right:
                 s.contact[NEXT_CHANGE] = min(s.contact[NEXT_CHANGE], at - c.real[AHEAD])
                 break
@@ -120,13 +133,11 @@ def enlist(c: Constants, s: State, zeta: float) -> None:
                 droppers += 1
             i += 1
             j += 1
-    if contact < 0:
-        contact = i
+    while rider < c.riders.size:
+        _seat(here, where, s.seats, c.rows[rider], i)
+        rider += 1
         i += 1
-    where[SLOT, contact], where[ROW, contact] = -1, -1
-    here[SOFT, contact] = 0.0
-    here[CARRIER, contact], here[CONTACT_WIRE, contact] = 0.0, -1.0
-    counter[CONTACT], counter[DROPPERS], counter[SITES] = contact, droppers, i
+    counter[CONTACT], counter[DROPPERS], counter[SITES] = s.seats[0], droppers, i
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -165,8 +176,12 @@ def collect(c: Constants, s: State, zeta: float) -> None:
         enlist(c, s, zeta)
     contact, n = s.counter[CONTACT], s.counter[SITES]
     s.here[PLACE, contact] = zeta
+    for r in range(c.beside.shape[0]):
+        s.here[PLACE, s.seats[1 + r]] = zeta + c.beside[r, AT]
     _place(c.real, c.whole[STATIONS] - 2, c.local, zeta, s.here[:, :n], s.where[ELEMENT, :n], s.psi)
     s.here[FADE, contact] = 1.0
+    for r in range(c.beside.shape[0]):
+        s.here[FADE, s.seats[1 + r]] = 1.0
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -234,7 +249,10 @@ def _laws(c: Constants, s: State) -> None:
     beta, ts = c.real[BETA], c.real[TS]
     for i in range(s.counter[SITES]):
         row = s.where[ROW, i]
-        if row < 0:
+        if row < -1:
+            k = c.beside[-2 - row, SPRING] * s.aside[-2 - row, RIDER_TOUCH]
+            b = k * s.aside[-2 - row, RIDER_HEAD]
+        elif row < 0:
             k, b = s.contact[K_CONTACT], s.contact[K_CONTACT] * s.contact[HEAD]
             if k == 0.0:
                 b = s.contact[GIVEN]
@@ -305,7 +323,11 @@ def _consistent(c: Constants, s: State) -> bool:
     slack = 0
     for i in range(s.counter[SITES]):
         row = s.where[ROW, i]
-        if row < 0:
+        if row < -1:
+            touch = 1.0 if s.aside[-2 - row, RIDER_HEAD] + s.here[STRETCH, i] > 0.0 else 0.0
+            good = good and touch == s.aside[-2 - row, RIDER_TOUCH]
+            s.aside[-2 - row, RIDER_TOUCH] = touch
+        elif row < 0:
             if s.contact[K_CONTACT] > 0.0:
                 touch = 1.0 if s.contact[HEAD] + s.here[STRETCH, i] > 0.0 else 0.0
                 good = good and touch == s.contact[TOUCH]

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from catenary_model import sites, wires
+from catenary_model import companions, sites, wires
 from catenary_model.cycle import cycles, height_of, track_position
 from catenary_model.layout import (
     A_CAT,
@@ -146,6 +146,7 @@ def substep(c: Constants, s: State) -> None:
     ts, beta, gamma = c.real[TS], c.real[BETA], c.real[GAMMA]
     s.counter[STEPS] += 1
     sites.collect(c, s, track_position(c, s))
+    companions.lift(c, s)
     command_layers(c.gain, s.q, s.layer)
     wires.predict(s.q, ts, beta, gamma)
     wires.load(c.inner, c.outer, s.q, s.rhs)
@@ -159,6 +160,10 @@ def substep(c: Constants, s: State) -> None:
     sites.press(c.pivot, s)
     wires.solve(c.sweep, c.middle, s.rhs, a)
     wires.correct(s.q, ts, beta, gamma)
+    for r in range(c.beside.shape[0]):
+        site = s.seats[1 + r]
+        companions.press(c, s, r, s.here[PRESS, site])
+        companions.note_height(c, s, r, -sites.elongation(site, s.here, s.where, s.psi, s.q[0]))
     sites.move_masses(c, s)
 
 

@@ -5,7 +5,7 @@ A place on the wire reads the field and gives its force with the weights of `gri
 
 from __future__ import annotations
 
-from catenary_model import sites
+from catenary_model import companions, sites
 from catenary_model.cycle import track_position
 from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, ORIGIN, PER_MASS, Constants, State
 from catenary_model.layout import (
@@ -135,6 +135,10 @@ def act(c: Constants, s: State, force: float) -> None:
     here[PRESS, s.counter[CONTACT]] = force
     for m in range(c.carry.size):
         new[1, c.whole[MIDDLE] + half - m] += c.real[PER_MASS + 1] * c.carry[m] * force
+    for r in range(c.beside.shape[0]):
+        node = int(c.beside[r, companions.NODE])
+        for m in range(c.carry.size):
+            new[1, node + half - m] += c.real[PER_MASS + 1] * c.carry[m] * s.aside[r, companions.FORCE]
     if s.counter[PUSHED]:
         for wire in range(2):
             load = s.external[wire]

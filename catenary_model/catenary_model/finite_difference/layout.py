@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from catenary_model.layout import Array1, Array2, Array3, Array5, Ints1, Ints2
+from catenary_model.layout import Array1, Array2, Array3, Array4, Array5, Ints1, Ints2
 
 # entries of Constants.real beyond those of `catenary_model.layout`; BEHIND and AHEAD are where sites begin and end
 ORIGIN = 11
@@ -47,6 +47,14 @@ class Constants(NamedTuple):
     """Weights of nodes around an element's node that give its w and phi, see `grid.projection`, (2, nodes)."""
     segment: Array3
     """M, D, K of the reduced model, (3, 2 segment stations, 6)."""
+    beside: Array2
+    """Companions, see `catenary_model.layout`, as are the following, (companions, 4)."""
+    numbers: Array2
+    chains: Array4
+    lifts: Array2
+    riders: Array1
+    """Places x of pantographs that are sites: the one at x = 0 alone, m, (1,)."""
+    rows: Ints1
 
 
 class State(NamedTuple):
@@ -76,3 +84,7 @@ class State(NamedTuple):
     """Work: their weights, (4, sites)."""
     ends: Array2
     """Work: new values of the boundary nodes, (side, node)."""
+    aside: Array2
+    """Companions, see `catenary_model.layout`, as are the following, (companions, 7)."""
+    masses: Array4
+    seats: Ints1

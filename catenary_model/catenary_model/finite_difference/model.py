@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model import arena, lattice, layout, pantograph, reduced, sites, statics, wire_view
+from catenary_model import arena, companions, lattice, layout, pantograph, reduced, sites, statics, wire_view
 from catenary_model.absorbing import Stencil
 from catenary_model.absorbing.moving_beam import moving_beam, shift
 from catenary_model.config import Config
@@ -169,6 +169,9 @@ class Catenary(Observed):
         # a boundary stencil takes what it reads for free wire: no force may act there
         free = mesh.h * (edge.shape[3] + 1)
         real[layout.BEHIND], real[layout.AHEAD] = mesh.behind - free, mesh.ahead - free
+        self._beside = beside = companions.bundle(
+            config.companions, config.step_time, RIDER_NEWMARK, real[layout.COMPLIANCE], mesh.h, mesh.middle
+        )
         return own.Constants(
             real=real,
             whole=whole,
@@ -181,6 +184,12 @@ class Catenary(Observed):
             rest=lattice.blank_table(line.period),
             project=grid.projection(mesh.h, int(whole[own.PER_ELEMENT])),
             segment=self.reduced.compact,
+            beside=beside.beside,
+            numbers=beside.numbers,
+            chains=beside.chains,
+            lifts=beside.lifts,
+            riders=np.zeros(1),
+            rows=np.full(1, -1, dtype=np.int64),
         )
 
     def _state(self, c: own.Constants) -> own.State:
@@ -200,11 +209,15 @@ class Catenary(Observed):
             where=np.zeros((4, most), dtype=np.int64),
             psi=np.zeros((4, most)),
             ends=np.zeros((2, c.edge.shape[4])),
+            aside=self._beside.aside,
+            masses=self._beside.masses,
+            seats=self._beside.seats,
         )
 
     def reset(self) -> None:
         """Go back to rest at the start position, cycle 0; no external load."""
         rewind(self.state, len(self.constants.site), self.config, self.mesh)
+        companions.begin(self.config.companions, self.constants, self.state)
         step.start(self.constants, self.state)
 
     def step(self, f_cat: float) -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from catenary_model import companions
 from catenary_model.cycle import cycles, height_of, track_position
 from catenary_model.finite_difference.forces import act, gather
 from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, PER_ELEMENT, REACH, Constants, State
@@ -44,6 +45,13 @@ def arrive(c: Constants, s: State) -> None:
     s.counter[ITERATIONS] = 1
     s.counter[NOW] = (s.counter[NOW] + 1) % s.w.shape[0]
     s.counter[STEPS] += 1
+    companions.lift(c, s)
+    for r in range(c.beside.shape[0]):
+        deviation = s.w[s.counter[NOW], 1, int(c.beside[r, companions.NODE])]
+        # y_free - c_p F = w + C F (`pantograph`), both compliances in the spring's
+        force = c.beside[r, companions.SPRING] * (s.aside[r, companions.HEAD] - deviation)
+        companions.press(c, s, r, max(0.0, force))
+        companions.note_height(c, s, r, deviation)
 
 
 @njit(cache=True, fastmath={"contract"})
