@@ -10,6 +10,7 @@ from time import monotonic
 import numpy as np
 from phil_interfaces.msg import CatenaryState, ImpedanceCommand, ImpedanceModel, WireShape
 
+from catenary_model import companions
 from catenary_model.build import build
 from catenary_model.parameters import Parameters
 from catenary_model.reach import far_from_nominal
@@ -22,6 +23,13 @@ from phil_node.qos import CYCLE, CYCLE_KEPT, LATCHED, VIEW
 
 FRAME = "train"
 SEGMENT = ("segment_displacement", "segment_velocity", "segment_acceleration", "segment_force")
+COMPANIONS = {
+    "companion_place": companions.PLACE,
+    "companion_force": companions.FORCE,
+    "companion_height": companions.HEIGHT,
+    "companion_loss": companions.LOST,
+}
+"""Fields of the state to the columns that the model has of its companions."""
 WARM_UP_CYCLES = 20
 
 
@@ -85,6 +93,8 @@ class CatenaryNode(PhilNode[Parameters]):
             "discretisation": c.config.discretisation,
             "integration steps with slack state not settled": str(c.unsettled_steps),
         }
+        for i, (place, force, _, lost) in enumerate(c.companions[:, : companions.LOST + 1].tolist()):
+            values[f"companion {i + 1} at {place:g} m"] = f"{force:.1f} N, without contact {lost:.3f} s"
         if self.sequence.broken:
             return Diagnosis(ERROR, self.sequence.broken, values)
         if not np.isfinite(c.w_cat):
@@ -155,6 +165,9 @@ class CatenaryNode(PhilNode[Parameters]):
         state.droppers, state.slack_droppers = c.droppers, c.slack_droppers
         state.iterations = min(c.iterations, 255)
         self._rows[:] = c.state.segment
+        if self._companions:
+            for field, values in self._beside:
+                field[:] = values
         self._send_state()
         if c.cycle % self._shape_every == 0:
             self._fill_shape()
@@ -163,9 +176,12 @@ class CatenaryNode(PhilNode[Parameters]):
     def _prepare_messages(self) -> None:
         """Make the messages whose arrays the cycle only overwrites."""
         c = self.catenary
-        self._state = Plan(CatenaryState, FRAME, dict.fromkeys(SEGMENT, c.reduced.n)).writer().message
+        sizes = dict.fromkeys(SEGMENT, c.reduced.n) | dict.fromkeys(COMPANIONS, len(c.config.companions))
+        self._state = Plan(CatenaryState, FRAME, sizes).writer().message
+        self._beside = [(getattr(self._state, name), c.companions[:, column]) for name, column in COMPANIONS.items()]
         self._state.speed = c.config.speed
         self._rows = self._state.rows
+        self._companions = len(c.config.companions)
         self._sent_at = 0.0
         self._shape = OpenWriter(WireShape, FRAME).message
 

@@ -30,6 +30,8 @@ class _State(Protocol):
     def point(self) -> Array: ...
     @property
     def segment(self) -> Array: ...
+    @property
+    def aside(self) -> Array: ...
 
 
 class MovingCatenary(Protocol):
@@ -81,6 +83,8 @@ class MovingCatenary(Protocol):
     def segment_acceleration(self) -> Array: ...
     @property
     def segment_force(self) -> Array: ...
+    @property
+    def companions(self) -> Array: ...
     @property
     def rider_newmark(self) -> tuple[float, float]: ...
     def wire_shape(self) -> wire_view.WireView: ...
@@ -185,3 +189,8 @@ class Observed:
     def segment_force(self) -> Array:
         """Held forces f_held of the reduced model, N and N m, (n,); a view."""
         return self.state.segment[3]
+
+    @property
+    def companions(self) -> Array:
+        """Companions, a row each, columns `companions.PLACE`, `FORCE`, `HEIGHT`, `LOST`, ...: (n, 7), a view."""
+        return self.state.aside

@@ -9,17 +9,55 @@ from pydantic import PrivateAttr, model_validator
 
 from catenary_model.boundary import BOUNDARIES
 from catenary_model.build import check, check_ends
-from catenary_model.config import DISCRETISATIONS, Config
+from catenary_model.companions import Companion
+from catenary_model.config import CLOSEST, DISCRETISATIONS, FARTHEST, Config
 from catenary_model.finite_difference.ends import ENDS
 from catenary_model.line import Line
 from catenary_model.line_file import LineFileError, load_line, preset_names
-from phil_base.parameters import Group, parameter
+from catenary_model.pantograph import Pantograph
+from phil_base.lumped import LUMPED
+from phil_base.parameters import Group, nearest, parameter
 from phil_base.real_time import RealTime
+
+MOST_UPLIFT = 1000.0
+"""N."""
 
 
 def line_of(name_or_path: str) -> Line:
     """Load a preset, or a file whose path may begin with `~`. Raises LineFileError."""
     return load_line(os.path.expanduser(name_or_path))  # noqa: PTH111 - an unknown user's home stays as it is
+
+
+def companions_of(text: str) -> tuple[Companion, ...]:
+    """Read pantographs as "three_mass:200:120, dsa380:-85:110": type, distance back in m, uplift force in N.
+
+    Raises
+    ------
+    ValueError
+        An entry has another form, an unknown type or a number out of range; the text names it and what is allowed.
+    """
+    found = []
+    for i, entry in enumerate(text.split(",") if text.strip() else ()):
+        where = f"entry {i + 1} '{entry.strip()}'"
+        parts = [part.strip() for part in entry.split(":")]
+        if len(parts) != 3:
+            raise ValueError(f"{where}: allowed is TYPE:DISTANCE:UPLIFT, as in three_mass:200:120")
+        kind, *numbers = parts
+        if kind not in LUMPED:
+            raise ValueError(
+                f"{where}: type '{kind}' is unknown{nearest(kind, LUMPED)}; allowed is {', '.join(LUMPED)}"
+            )
+        try:
+            distance, uplift = map(float, numbers)
+        except ValueError:
+            raise ValueError(f"{where}: distance (m) and uplift (N) must be numbers") from None
+        if not CLOSEST <= abs(distance) <= FARTHEST:
+            raise ValueError(f"{where}: distance {distance:g} m: allowed is {CLOSEST:g} to {FARTHEST:g} m, or negative")
+        if not 0.0 <= uplift <= MOST_UPLIFT:
+            raise ValueError(f"{where}: uplift {uplift:g} N: allowed is 0 to {MOST_UPLIFT:g} N")
+        chain = LUMPED[kind]
+        found.append(Companion(Pantograph.of(chain.masses, chain.damping, chain.stiffness, uplift), distance))
+    return tuple(found)
 
 
 class Parameters(Group):
@@ -84,6 +122,11 @@ class Parameters(Group):
         choices=tuple(ENDS),
     )
     grid_boundary_levels: int = parameter("fd: time levels that an absorbing end reads", low=1, high=6)
+    pantographs: str = parameter(
+        "Further pantographs of the train, which ride along on the wire: TYPE:DISTANCE:UPLIFT, by commas; distance in "
+        "m from the one on the rig back to it (negative: it runs ahead), uplift force in N; types: "
+        f"{', '.join(LUMPED)}; empty: none"
+    )
     grid_boundary_nodes: int = parameter("fd: nodes that an absorbing end reads", low=3, high=30)
     wire_shape_rate: float = parameter("Rate of wire_shape", unit="Hz", low=0.1, high=500.0)
     resend_time: float = parameter(
@@ -94,6 +137,7 @@ class Parameters(Group):
     )
     real_time: RealTime = parameter("What the process asks of the system")
     _line: Line = PrivateAttr()
+    _companions: tuple[Companion, ...] = PrivateAttr()
 
     @model_validator(mode="after")
     def _together(self) -> Parameters:
@@ -102,13 +146,18 @@ class Parameters(Group):
             self._line = line_of(self.line)
         except LineFileError as error:
             raise ValueError("\n".join(f"parameter 'line': {text}" for text in str(error).splitlines())) from None
+        try:
+            self._companions = companions_of(self.pantographs)
+        except ValueError as error:
+            raise ValueError(f"parameter 'pantographs': {error}") from None
         check(self.config())
         return self
 
     def config(self) -> Config:
         """Return the configuration of the model. Raises ValueError naming the parameters that do not fit together."""
         same = {field.name for field in fields(Config)} & set(type(self).model_fields) - {"line"}
-        return Config(line=self._line, speed=self.speed_kmh / 3.6, **self.model_dump(include=same))
+        given = self.model_dump(include=same)
+        return Config(line=self._line, speed=self.speed_kmh / 3.6, companions=self._companions, **given)
 
     def check_build(self) -> None:
         """Design the ends of the wires. Raises ValueError."""

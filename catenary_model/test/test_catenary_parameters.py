@@ -25,7 +25,9 @@ def test_defaults_are_table_3_1_and_those_of_the_model() -> None:
 
 
 def test_every_setting_of_the_model_is_a_parameter() -> None:
-    assert {field.name for field in dataclasses.fields(Config)} - {"speed"} <= set(Parameters.model_fields)
+    assert {field.name for field in dataclasses.fields(Config)} - {"speed", "companions"} <= set(
+        Parameters.model_fields
+    )
 
 
 def test_every_numerical_parameter_reaches_the_model() -> None:

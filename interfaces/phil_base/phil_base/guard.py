@@ -42,7 +42,9 @@ def finite_rows(message: Any, names: Sequence[str], out: NDArray[np.float64]) ->
     if rows is None:
         return all(finite_array(getattr(message, name), row) for name, row in zip(names, out, strict=True))
     if rows.shape != out.shape:
-        return False
+        rows = rows[: len(names)]  # more arrays of that length follow
+        if rows.shape != out.shape:
+            return False
     out[:] = rows
     return isfinite(np.add.reduce(out, axis=None))
 

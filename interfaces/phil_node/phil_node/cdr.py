@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from struct import Struct
 from typing import Any, NamedTuple
 
@@ -89,13 +89,14 @@ class Plan:
         self._format = "<"
         self._scalars: list[str] = []
         self._marks = [(0, HEAD)]
+        self._gridded = 0
         fields = kind.get_fields_and_field_types()
         for name, type_name in fields.items():
             self._place(name, type_name)
         self.size = len(HEAD) + self._at
         constants = {name: getattr(kind, name) for name in dir(kind) if name.isupper()}
         self.grid = self._grid()
-        """Of arrays of one type and one length: both, and the number of bytes from one to the next; else None."""
+        """Of the first arrays, of one type and one length: both, and the bytes from one to the next; else None."""
         names = {"__slots__": (*fields, *(("rows",) if self.grid else ())), **constants}
         self._view: Any = type(f"{kind.__name__}View", (), names)
         self._written: Any = type(f"{kind.__name__}Written", (Written,), names)
@@ -138,12 +139,14 @@ class Plan:
         self._at += gap + len(content)
 
     def _grid(self) -> tuple[np.dtype[Any], int, int] | None:
-        places = list(self.arrays.values())
-        steps = {after[0] - before[0] for before, after in pairwise(places)}
-        alike = {(code, size) for _, code, size in places}
-        if len(steps) != 1 or len(alike) != 1 or not places[0][2]:
+        alike = takewhile(lambda item: item[1][1:] == first[1:], self.arrays.items())
+        first = next(iter(self.arrays.values()), (0, "", 0))
+        places = [place for _, (place, _, _) in alike]
+        steps = {after - before for before, after in pairwise(places)}
+        if len(steps) != 1 or not first[2]:
             return None
-        return np.dtype(places[0][1]), places[0][2], steps.pop()
+        self._gridded = len(places)
+        return np.dtype(first[1]), first[2], steps.pop()
 
     def _compile(self) -> _Compiled:
         """Write the functions that move all numbers at once."""
@@ -166,19 +169,24 @@ class Plan:
     def _views(self, space: dict[str, Any]) -> str:
         """Write the lines that make views of the arrays; as ``rows`` of one, too, if they are alike."""
         space |= {"frombuffer": np.frombuffer, "rows": self._rows}
-        if self.grid is not None:
-            return f" m.rows = r = rows(data)\n {', '.join(f'm.{name}' for name in self.arrays)} = r\n"
         source = ""
-        for name, (at, code, size) in self.arrays.items():
+        if self.grid is not None:
+            names = list(self.arrays)[: self._gridded]
+            source += f" m.rows = r = rows(data)\n {', '.join(f'm.{name}' for name in names)} = r\n"
+        for name, (at, code, size) in list(self.arrays.items())[self._gridded :]:
             space[f"kind_{name}"] = np.dtype(code)
-            source += f" m.{name} = frombuffer(data, kind_{name}, {size}, {at})\n"
+            space[f"empty_{name}"] = empty = np.empty(0, code)
+            empty.flags.writeable = False  # all messages share it
+            source += (
+                f" m.{name} = frombuffer(data, kind_{name}, {size}, {at})\n" if size else f" m.{name} = empty_{name}\n"
+            )
         return source
 
     def _rows(self, data: bytes | bytearray) -> NDArray[Any]:
         """Give the arrays in some bytes as rows of one, if there is a `grid`."""
         assert self.grid is not None
         kind, size, step = self.grid
-        return np.ndarray((len(self.arrays), size), kind, data, self._begin, (step, kind.itemsize))
+        return np.ndarray((self._gridded, size), kind, data, self._begin, (step, kind.itemsize))
 
     def read(self, data: bytes) -> Any:
         """Give the message in these bytes, with the fields' names; arrays of one that fits are views of the bytes.

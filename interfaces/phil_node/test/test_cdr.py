@@ -21,6 +21,7 @@ from phil_node.cdr import SEQUENCE, OpenWriter, Plan  # noqa: E402
 from phil_node.stencil import Stencil  # noqa: E402
 
 SEGMENT = tuple(f"segment_{name}" for name in ("displacement", "velocity", "acceleration", "force"))
+BESIDE = tuple(f"companion_{name}" for name in ("place", "force", "height", "loss"))
 
 KINDS = {
     messages.RigState: ("rig", {}),
@@ -29,7 +30,7 @@ KINDS = {
     messages.ContactQuality: ("rig", {}),
     messages.CatenaryState: (
         "train",
-        dict.fromkeys(SEGMENT, 7),
+        dict.fromkeys(SEGMENT, 7) | dict.fromkeys(BESIDE, 2),
     ),
     messages.WireShape: (
         "train",
@@ -183,19 +184,29 @@ def test_a_stencil_writes_what_rclpy_would_write_of_the_same_numbers():
         Stencil(JointState(), "name")
 
 
-def test_arrays_that_are_alike_are_rows_of_one_and_the_same_as_the_fields():
-    sizes = dict.fromkeys(SEGMENT, 5)
+@pytest.mark.parametrize("beside", [0, 1, 5])
+def test_first_arrays_that_are_alike_are_rows_of_one_and_the_same_as_the_fields(beside: int) -> None:
+    """Those behind them are arrays of their own, as long as they are (five: as long as the first, so rows as well)."""
+    sizes = dict.fromkeys(SEGMENT, 5) | dict.fromkeys(BESIDE, beside)
     plan = Plan(messages.CatenaryState, "train", sizes)
     message = plan.writer().message
-    message.rows[:] = np.arange(20.0).reshape(4, 5)
+    rows = len(message.rows)
+    assert rows == (8 if beside == 5 else 4)
+    message.rows[:] = np.arange(5.0 * rows).reshape(rows, 5)
+    if rows == 4:
+        for number, name in enumerate(BESIDE):
+            getattr(message, name)[:] = 100.0 + number
     read = plan.read(message.writer.bytes())
     for number, name in enumerate(SEGMENT):
         assert getattr(message, name).tolist() == getattr(read, name).tolist() == read.rows[number].tolist()
         assert getattr(read, name).tolist() == [5.0 * number + k for k in range(5)]
     as_rclpy = deserialize_message(message.writer.bytes(), messages.CatenaryState)
+    for name in BESIDE:
+        assert getattr(read, name).tolist() == getattr(as_rclpy, name).tolist()
+        assert len(getattr(read, name)) == beside
     into, other = np.zeros((4, 5)), np.zeros((4, 5))
     assert finite_rows(read, SEGMENT, into) and finite_rows(as_rclpy, SEGMENT, other)
-    assert (into == other).all() and (into == message.rows).all()
+    assert (into == other).all() and (into == message.rows[:4]).all()
     message.rows[2, 3] = np.inf
     data = message.writer.bytes()
     for wrong in (plan.read(data), deserialize_message(data, messages.CatenaryState)):
