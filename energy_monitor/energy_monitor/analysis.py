@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from energy_monitor.bag import Bag, BagError
+from energy_monitor.bag import Bag, BagError, Table
 from energy_monitor.beliefs import beliefs
 from energy_monitor.books import accumulated_of, books_of
 from energy_monitor.contact_quality import low_passed, run_in_cycles
 from energy_monitor.report import comparison, nodes
 from energy_monitor.report.alignment import Aligned, align, cycle_time
-from energy_monitor.report.contact import contact_force, losses
+from energy_monitor.report.contact import companions, contact_force, losses
 from energy_monitor.report.results import (
     Conservation,
     Correction,
@@ -130,6 +130,9 @@ def analyse(
         tracking=track,
         contact_force=force,
         losses=lost,
+        companions=companions(
+            series, ts, settings.loss_threshold, settings.loss_duration, settings.cutoff, settings.order
+        ),
         conservation=conservation,
         agreement=[*agreement, *quality],
         correction=correction(aligned),
@@ -332,6 +335,7 @@ def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series
     even = np.interp(grid, cycle, f_tr)
     filtered = low_passed(even, ts, settings.cutoff, settings.order)
     frequency, density = _spectrum_within(even, grid, cycle[evaluated], ts)
+    places, forces = _beside(catenary)
     return Series(
         cycle=cycle,
         time=cycle.astype(np.float64) * ts,
@@ -366,7 +370,24 @@ def _series(bag: Bag, aligned: Aligned, ts: float, settings: Settings) -> Series
         books=comparison.own_books(bag),
         shapes=bag.find("catenary_model/wire_shape", "WireShape"),
         turnaround=nodes.turnaround(bag),
+        companion_force=forces,
+        companion_place=places,
     )
+
+
+def _beside(catenary: Table) -> tuple[Floats, Floats]:
+    """Give place (n,) and force (cycles, n) of the further pantographs; none where the bag knows of none.
+
+    One whose number changes within a ride was put together by hand: nothing can be said of it.
+    """
+    none = np.zeros(0), np.zeros((len(catenary), 0))
+    if "companion_force" not in catenary.columns or not len(catenary):
+        return none
+    forces, places = catenary.entries("companion_force"), catenary.entries("companion_place")
+    count = len(forces[0])
+    if not count or any(len(force) != count for force in forces) or len(places[0]) != count:
+        return none
+    return np.asarray(places[0], dtype=np.float64), np.stack(forces).astype(np.float64)
 
 
 def _ride(bag: Bag, aligned: Aligned, ts: float, speed: float, series: Series, wall: WallTime) -> Ride:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 from energy_monitor.agreement import Agreement, Entry, SampleTrace, Tolerance
@@ -55,6 +56,7 @@ class CatenarySample(NamedTuple):
     f_cat: float  # N
     work: float  # J
     impulse: float  # N s
+    beside: tuple[float, ...] = ()  # N, contact forces of further pantographs
 
 
 class Audit:
@@ -66,7 +68,8 @@ class Audit:
         contact = parameters.contact
         self.matcher: CycleMatcher[Any] = CycleMatcher(STREAMS, parameters.window)
         self.books = Books(parameters.cycle_time)
-        self.quality = ContactQuality(
+        self._quality = partial(
+            ContactQuality,
             parameters.cycle_time,
             contact.run_in,
             contact.loss_threshold,
@@ -74,6 +77,9 @@ class Audit:
             contact.order,
             contact.loss_duration,
         )
+        self.quality = self._quality()
+        self.beside: list[ContactQuality] = []
+        """Of further pantographs, in the order of the state of the catenary."""
         self.agreement = Agreement(tolerance_of(parameters))
         self.trace = SampleTrace()
         self._jumps = [JumpFilter() for _ in STREAMS]
@@ -91,6 +97,7 @@ class Audit:
         self.matcher.clear()
         self.books.clear()
         self.quality.clear()
+        self.beside = []
         self.agreement.clear()
         self.trace.clear()
         for jumps in self._jumps:
@@ -125,7 +132,13 @@ class Audit:
         """Take a state of the catenary; tells whether it was used."""
         if self._of_next_ride(CATENARY, cycle, sample) or not self._believes(CATENARY, cycle):
             return False
-        return self.matcher.accept(CATENARY, cycle, sample) in (Arrival.NEW, Arrival.OUT_OF_ORDER)
+        arrival = self.matcher.accept(CATENARY, cycle, sample)
+        if sample.beside and arrival is Arrival.NEW:
+            if len(self.beside) != len(sample.beside):
+                self.beside = [self._quality() for _ in sample.beside]
+            for quality, force in zip(self.beside, sample.beside, strict=True):
+                quality.add(cycle, force)
+        return arrival in (Arrival.NEW, Arrival.OUT_OF_ORDER)
 
     def believed(self, entry: Entry) -> None:
         """Take an entry of the controller's books."""

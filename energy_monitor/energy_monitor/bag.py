@@ -58,11 +58,13 @@ RIDE_FIELDS: Mapping[str, tuple[str, ...]] = {
 
 _NEWER: Mapping[str, tuple[str, ...]] = {
     "CycleTiming": ("messages_late", "messages_lost", "messages_doubled", "messages_swapped"),
+    "CatenaryState": ("companion_place", "companion_force"),
 }
-"""Fields that are read beside `RIDE_FIELDS` where a bag has them; those of before they were counted lack them."""
+"""Fields that are read beside `RIDE_FIELDS` where a bag has them; those of before there were such fields lack them."""
 
 _LISTS: Mapping[str, tuple[str, ...]] = {
     "CycleTiming": ("turnaround",),
+    "CatenaryState": ("companion_place", "companion_force"),
     "WireShape": ("x", "contact", "carrier", "dropper_x", "dropper_force", "mast_x"),
     "ImpedanceModel": ("description",),
 }

@@ -306,7 +306,10 @@ class Columns:
             else:
                 array = raw.view(order + leaf.code) if leaf.length else np.empty((len(at), 0), leaf.code)
                 if (raw == raw[:1]).all():  # places in the frame of the train stay: one array serves all messages
-                    array = np.broadcast_to(array[:1].copy(), array.shape)
+                    same_for_all = array[0].copy()
+                    for row in at:
+                        listed[row] = same_for_all
+                    continue
                 for row, entry in zip(at, array, strict=True):
                     listed[row] = entry
         return same

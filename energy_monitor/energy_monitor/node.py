@@ -34,7 +34,7 @@ def _deep(profile: QoSProfile) -> QoSProfile:
 DEEP, DEEP_KEPT = _deep(CYCLE), _deep(CYCLE_KEPT)
 RIG_NUMBERS = ("w_tr", "v_tr", "f_tr", "work", "impulse")
 COMMAND_NUMBERS = ("f_tr", "f_predicted", "f_cor", "f_cat")
-CATENARY_NUMBERS = ("w_cat", "speed", "v_cat", "f_cat", "work", "impulse")
+CATENARY_NUMBERS = ("w_cat", "speed", "v_cat", "f_cat", "work", "impulse", "companion_force")
 INPUTS = (topics.RIG_STATE, topics.COMMAND, topics.CATENARY_STATE)
 METERS = ("work_tr", "work_cat", "impulse_tr", "impulse_cat")
 BOOK_NUMBERS = ("delta_e", "delta_p", "delta_work", *METERS, "exchanged_energy", "exchanged_momentum")
@@ -149,6 +149,9 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
             # Not a reason to warn: a bad pantograph is a result of the ride, not a fault of the rig.
             f"limits of {self._standard.title}": "-" if kept is None else "kept" if kept else f"exceeded: {broken}",
         }
+        for i, quality in enumerate(audit.beside):
+            one = quality.statistics
+            values[f"companion {i + 1}"] = f"mean {one.mean:.1f} N, sigma {one.sigma:.1f} N, losses {one.losses}"
         if complaints:
             return Diagnosis(DiagnosticStatus.WARN, "; ".join(complaints), values)
         if matcher.complete == 0:
@@ -185,7 +188,8 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
 
     def _on_catenary(self, message: Any) -> None:
         shown = message.v_cat, message.f_cat, message.work, message.impulse
-        valid = finite(message.w_cat, message.speed, *shown)
+        beside = tuple(message.companion_force) if len(message.companion_force) else ()
+        valid = finite(message.w_cat, message.speed, *shown, *beside)
         if valid and message.cycle == 0:
             self._initial = message
         if not self.active:
@@ -194,7 +198,7 @@ class MonitorNode(PhilNode[Parameters]):  # type: ignore[misc]
         if not valid:
             self._refuse("state {} of the catenary", message, CATENARY_NUMBERS)
             return
-        if self._audit.catenary(message.cycle, CatenarySample(*shown)):
+        if self._audit.catenary(message.cycle, CatenarySample(*shown, beside)):
             self._speed = message.speed
         self._settle()
 

@@ -51,6 +51,8 @@ class SyntheticRide:
     quality_error: float = 0.0  # N, slip in the monitor's mean force
     last: bool = True
     segment: int = 6
+    beside: tuple[tuple[float, float], ...] = ()
+    """Further pantographs: place in m, and amplitude in N of a force of 100 N + amplitude sin(2 pi 2 Hz t)."""
     books_error: float = 0.0  # J, slip in the monitor's dE
     without: tuple[str, ...] = ()  # topics that are left out
     lacking: tuple[str, ...] = ()  # fields that the messages do not have, as "CatenaryState.work"
@@ -187,6 +189,9 @@ def _messages(ride: SyntheticRide, store: Any) -> Iterable[tuple[int, str, str, 
             droppers=36,
             slack_droppers=int(k % 4 == 0), iterations=1 + int(k % 4 == 0), segment_displacement=segment,
             segment_velocity=segment, segment_acceleration=segment, segment_force=segment,
+            companion_place=np.array([place for place, _ in ride.beside]),
+            companion_force=np.array([100.0 + size * np.sin(4.0 * np.pi * k * TS) for _, size in ride.beside]),
+            companion_height=np.zeros(len(ride.beside)), companion_loss=np.zeros(len(ride.beside)),
         )  # fmt: skip
         yield at + 1, "impedance_mpc/command", *make(
             "ImpedanceCommand", header=header(k, "rig"), cycle=k, u_tr=0.0, u_tr_next=0.0, f_tr=f_tr,

@@ -433,3 +433,26 @@ def test_ranges() -> None:
     assert ranges([]) == []
     assert ranges([1, 2, 3, 7, 9, 10]) == ["1..3", "7", "9..10"]
     assert ranges(list(range(0, 60, 2)), most=2) == ["0", "2", "and 28 more"]
+
+
+def test_further_pantographs_are_evaluated_as_the_first_one(make: Make) -> None:
+    """A sine of 2 Hz passes the filter: sigma = amplitude / sqrt 2 over whole periods; to 0.1 % for filter and run-in.
+
+    One that pulls off (100 N less 120 N) is lost by its unfiltered force for the share of the sine below the threshold.
+    """
+    report = make(cycles=3000, beside=((-200.0, 20.0), (85.0, 120.0)))
+    behind, ahead = report.companions
+    assert (behind.place, ahead.place) == (-200.0, 85.0)
+    assert behind.mean == pytest.approx(100.0, abs=0.1)
+    assert behind.sigma == pytest.approx(20.0 / math.sqrt(2.0), rel=1e-3)
+    assert behind.statistical_minimum == pytest.approx(behind.mean - 3.0 * behind.sigma)
+    assert (behind.losses, behind.loss_share) == (0, 0.0)
+    below = math.acos((100.0 - 2.0) / 120.0) / math.pi
+    assert ahead.loss_share == pytest.approx(below, abs=2e-3)
+    assert ahead.losses == 8  # of 2 Hz in the 4 s behind the run-in
+
+
+def test_a_bag_of_before_has_no_further_pantographs(make: Make) -> None:
+    fields = ("place", "force", "height", "loss")
+    assert make(lacking=tuple(f"CatenaryState.companion_{name}" for name in fields)).companions == []
+    assert make().companions == []

@@ -81,6 +81,14 @@ class WireColumns:
     """Of these, slack ones, 1."""
     iterations: Whole
     """Solves until the slack state was consistent, 1."""
+    companion_place: Floats
+    """Place of each further pantograph, ahead is positive, m, (cycles, companions) as the following."""
+    companion_force: Floats
+    """Its contact force, N."""
+    companion_height: Floats
+    """Displacement of the contact wire where it touches, m."""
+    companion_loss: Floats
+    """Time without contact since its uplift is up, s."""
 
 
 @dataclass(frozen=True)

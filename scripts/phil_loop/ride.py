@@ -41,7 +41,7 @@ class Ride:
         """What a node would refuse, so that the ride would stand."""
         self._due, self._timed = due, timed
         last = loop.rig_cycle.last_cycle
-        self._rows = Rows(AT_ONCE if last == ENDLESS else min(AT_ONCE, last + 1))
+        self._rows = Rows(AT_ONCE if last == ENDLESS else min(AT_ONCE, last + 1), len(loop.catenary.companions))
 
     @property
     def endless(self) -> bool:
@@ -77,6 +77,7 @@ class Ride:
         supervisor, books = rig.supervisor, commander.books
         signals, point, counter = rig.rig.signals, catenary.state.point, catenary.state.counter
         q, qd, qdd, held = catenary.state.segment
+        companions = catenary.companions
         moment = Moment()
         moment.loop = loop
         k = self.cycle
@@ -98,6 +99,8 @@ class Ride:
             )
             solved = perf_counter_ns()
             rows.note(k, mode, signals, point, counter, answer, books.totals)
+            if len(companions):
+                rows.accompany(k, companions)
             for observe in observers:
                 moment.cycle, moment.mode, moment.rig, moment.wire, moment.command = k, mode, state, wire, answer
                 observe(moment)

@@ -30,6 +30,8 @@ POINT = ("w_cat", "v_cat", "a_cat", "f_cat", "track_position", "work", "impulse"
 """What `catenary_model.layout` has of the contact point, in its order."""
 FIRST, BEHIND = 5, 8
 """Droppers, slack droppers and iterations in the catenary's counters."""
+BESIDE = ("companion_place", "companion_force", "companion_height", "companion_loss")
+"""What `catenary_model.companions` has of further pantographs, in its order."""
 COUNTED = ("droppers", "slack_droppers", "iterations")
 MOST_ITERATIONS = 255
 """What the message's number of iterations goes to."""
@@ -40,8 +42,8 @@ ANSWER, BOOKS = Struct(f"{len(Answer._fields)}d"), Struct(f"{len(TOTALS)}d")
 class Rows:
     """A block of memory for each source of numbers, for so many cycles; one that lasts longer gets more."""
 
-    def __init__(self, cycles: int) -> None:
-        self._made = 0
+    def __init__(self, cycles: int, companions: int = 0) -> None:
+        self._made, self._companions = 0, companions
         self._room(max(cycles, 1))
 
     def _room(self, cycles: int) -> None:
@@ -55,13 +57,14 @@ class Rows:
             "totals": np.zeros((cycles, len(TOTALS))),
             "ramp": np.full((cycles, 2), np.nan),
             "times": np.zeros((cycles, 3)),
+            "beside": np.zeros((cycles, self._companions, len(BESIDE))),
         }
         if self._made:
             for name, block in blocks.items():
                 block[: self._made] = getattr(self, f"_{name}")[: self._made]
         self._size = cycles
         self._mode, self._signals, self._point, self._counter = (blocks[n] for n in tuple(blocks)[:4])
-        self._answer, self._totals, self._ramp, self._times = (blocks[n] for n in tuple(blocks)[4:])
+        self._answer, self._totals, self._ramp, self._times, self._beside = (blocks[n] for n in tuple(blocks)[4:])
         self._answers, self._books = self._answer.data.cast("B"), self._totals.data.cast("B")
 
     def note(
@@ -78,6 +81,10 @@ class Rows:
         self._counter[k] = counter[FIRST:BEHIND]
         ANSWER.pack_into(self._answers, k * ANSWER.size, *answer)
         BOOKS.pack_into(self._books, k * BOOKS.size, *totals)
+
+    def accompany(self, k: int, companions: Floats) -> None:
+        """Note the further pantographs at t_k."""
+        self._beside[k] = companions[:, : len(BESIDE)]
 
     def moved(self, k: int, ramp: Ramp) -> None:
         """Note what the drive followed from t_k on."""
@@ -96,13 +103,14 @@ class Rows:
         wire = dict(zip(POINT, np.ascontiguousarray(self._point[:n].T), strict=True))
         counted = dict(zip(COUNTED, np.ascontiguousarray(self._counter[:n].T), strict=True))
         np.minimum(counted["iterations"], MOST_ITERATIONS, out=counted["iterations"])
+        beside = dict(zip(BESIDE, np.ascontiguousarray(self._beside[:n].transpose(2, 0, 1)), strict=True))
         answer = dict(zip(Answer._fields, np.ascontiguousarray(self._answer[:n].T), strict=True))
         totals = dict(zip(TOTALS, np.ascontiguousarray(self._totals[:n].T), strict=True))
         return Record(
             ts=ts,
             rig=_columns(RigColumns, shown | {"mode": self._mode[:n].copy()}),
             true=_columns(TrueColumns, shown),
-            wire=_columns(WireColumns, wire | counted),
+            wire=_columns(WireColumns, wire | counted | beside),
             command=_columns(CommandColumns, answer),
             ramp=RampColumns(*np.ascontiguousarray(self._ramp[:n].T)),
             books=_columns(BookColumns, totals),

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from energy_monitor.contact_quality import cycles_of_loss, losses_of, statistics_of
-from energy_monitor.report.results import ContactForce, Loss, Series
+from energy_monitor.contact_quality import cycles_of_loss, losses_of, low_passed, statistics_of
+from energy_monitor.report.results import Companion, ContactForce, Loss, Series
 
 
 def contact_force(
@@ -38,6 +38,36 @@ def contact_force(
         raw_maximum=float(series.f_raw[used].max()),
         prediction_error=prediction,
     )
+
+
+def companions(
+    series: Series, ts: float, threshold: float, duration: float, cutoff: float, order: int
+) -> list[Companion]:
+    """Give the statistics of each further pantograph, evaluated as the one on the rig: see `contact_force`.
+
+    The force (N) is low-passed at ``cutoff`` (Hz); contact is lost at or below ``threshold`` (N) for ``duration`` (s).
+    """
+    used, least = series.evaluated, cycles_of_loss(duration, ts)
+    grid = np.arange(series.cycle[0], series.cycle[-1] + 1)
+    found = []
+    for place, force in zip(series.companion_place, series.companion_force.T, strict=True):
+        filtered = low_passed(np.interp(grid, series.cycle, force), ts, cutoff, order)[series.cycle - series.cycle[0]]
+        one = statistics_of(filtered[used], losses_of(used & (force <= threshold), least))
+        found.append(
+            Companion(
+                place=float(place),
+                mean=one.mean,
+                sigma=one.sigma,
+                sigma_share=one.sigma / one.mean if one.mean > 0.0 else float("nan"),
+                minimum=one.minimum,
+                maximum=one.maximum,
+                statistical_minimum=one.statistical_minimum,
+                statistical_maximum=one.statistical_maximum,
+                loss_share=one.loss_share,
+                losses=one.losses,
+            )
+        )
+    return found
 
 
 def losses(series: Series, ts: float, threshold: float, duration: float) -> list[Loss]:

@@ -142,6 +142,25 @@ class ContactForce:
 
 
 @dataclass(frozen=True)
+class Companion:
+    """Contact force of a further pantograph of the train, low-passed at 20 Hz, over the same cycles as the first one's.
+
+    Its losses are by the unfiltered force, as the others.
+    """
+
+    place: float = plain("m")
+    mean: float = plain("N")
+    sigma: float = plain("N")
+    sigma_share: float = plain("1")
+    minimum: float = plain("N")
+    maximum: float = plain("N")
+    statistical_minimum: float = plain("N")
+    statistical_maximum: float = plain("N")
+    loss_share: float = plain("1")
+    losses: int = 0
+
+
+@dataclass(frozen=True)
 class Loss:
     """One loss of contact: when, where on the line and between which masts, how long, and the force then.
 
@@ -378,6 +397,10 @@ class Series:
     books: Mapping[str, Table]
     shapes: Table | None
     turnaround: Mapping[str, Floats]
+    companion_force: Floats
+    """(cycles, companions), N."""
+    companion_place: Floats
+    """(companions,), m from the pantograph on the rig, ahead is positive."""
 
 
 @dataclass(frozen=True)
@@ -390,6 +413,7 @@ class Report:
     tracking: Tracking
     contact_force: ContactForce
     losses: list[Loss]
+    companions: list[Companion]
     conservation: Conservation
     agreement: list[Agreement]
     correction: Correction
