@@ -70,8 +70,8 @@ def test_order_of_companions_does_not_matter(kind: dict[str, Any]) -> None:
 def test_a_companion_is_not_felt_before_its_waves_have_come(kind: dict[str, Any]) -> None:
     """Behind by d it is felt after d / (c - v), c of the faster wire, and then by newtons.
 
-    Against the same train with a companion that is pulled down and never touches. Tolerance: 0.02 N of 120 N until the
-    shortest waves have come, which bending, mesh and step let run at up to 210 m/s.
+    Against the same train with a companion that is pulled down and never touches. Tolerance: 0.1 N of 120 N until the
+    shortest waves have come, which bending, mesh and step let run at up to 210 m/s (elements: micrometres sooner).
     """
     d = 84.0
     trains = [
@@ -83,7 +83,7 @@ def test_a_companion_is_not_felt_before_its_waves_have_come(kind: dict[str, Any]
     first, felt_from = (int(d / (c - SPEED) / 0.002) for c in (210.0, fastest))
     felt, alone = (train.go_on(2000).F for train in trains)
     difference = np.abs(felt - alone)
-    assert difference[:first].max() < 0.02
+    assert difference[:first].max() < 0.1
     assert difference[felt_from:].max() > 1.0
 
 
