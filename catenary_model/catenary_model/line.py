@@ -71,6 +71,10 @@ DROPPERS_3_1 = (5.0, 10.5, 17.0, 23.5, 30.0, 36.5, 43.0, 49.5, 55.0)
 """Dropper positions of Table 3.1 within a span of 60 m."""
 
 
+HANGS_FROM = ("carrier", "stitch_wire")
+"""What a dropper hangs from."""
+
+
 @dataclass(frozen=True)
 class Dropper:
     """One-sided spring between the wires (3.3). Raises ValueError naming the field."""
@@ -93,6 +97,8 @@ class Dropper:
     """Of the dropper's rope, kg/m, beside `mass`; half of the rope moves with either wire."""
     axial_stiffness: float | None = None
     """EA of the dropper's rope, N: k_d = EA/l_0."""
+    hangs_from: str = "carrier"
+    """`stitch_wire`: that of the nearer mast."""
     source: str = _source()
 
     def __post_init__(self) -> None:
@@ -100,6 +106,8 @@ class Dropper:
         _check("stiffness", self.stiffness, above=0.0)
         for name in ("mass", "carrier_clamp", "contact_clamp", "mass_per_length"):
             _check(name, getattr(self, name), least=0.0)
+        if self.hangs_from not in HANGS_FROM:
+            raise ValueError(f"hangs_from = {self.hangs_from!r}: allowed is one of {', '.join(HANGS_FROM)}")
         for name in ("length", "axial_stiffness"):
             if getattr(self, name) is not None:
                 _check(name, getattr(self, name), above=0.0)
@@ -159,6 +167,33 @@ class Mast:
 
 
 @dataclass(frozen=True)
+class StitchWire:
+    """Wire over a mast, clamped to the carrier on either side, from which droppers hang. Raises ValueError."""
+
+    length: float
+    """Distance of its clamps, half of it on either side of the mast, m."""
+    tension: float
+    """S, N; between its clamps the carrier keeps the rest of its tension, T - S."""
+    mass_per_length: float
+    """kg/m."""
+    bending_stiffness: float = 5.0
+    """EI, N m^2."""
+    clamp: float = 0.0
+    """Mass of each of its two clamps on the carrier, kg."""
+    source: str = _source()
+
+    def __post_init__(self) -> None:
+        for name in ("length", "tension", "mass_per_length", "bending_stiffness"):
+            _check(name, getattr(self, name), above=0.0)
+        _check("clamp", self.clamp, least=0.0)
+
+    @property
+    def wire(self) -> Wire:
+        """The rope as a wire without damping."""
+        return Wire(self.mass_per_length, 0.0, self.bending_stiffness, self.tension)
+
+
+@dataclass(frozen=True)
 class SteadyArm:
     """Arm that holds the contact wire sideways at a mast; unloaded at rest. Raises ValueError naming the field."""
 
@@ -191,6 +226,8 @@ class Span:
     steady_arm: SteadyArm | None = None
     pre_sag_from: str = "mast"
     """`mast`: the parabola reaches from mast to mast; `first_dropper`: from the first dropper to the last one."""
+    stitch_wire: StitchWire | None = None
+    """Over the mast at the span's beginning."""
     source: str = _source()
 
     def __post_init__(self) -> None:
@@ -224,6 +261,25 @@ class Span:
         return -4.0 * self.pre_sag * s * (1.0 - s)
 
 
+class LineError(ValueError):
+    """A line contradicts itself; `span` and `dropper` say where."""
+
+    def __init__(self, problem: str, span: int, dropper: int | None = None) -> None:
+        """Name the entry in front of the problem."""
+        super().__init__(f"spans[{span}]{'' if dropper is None else f'.droppers[{dropper}]'}.{problem}")
+        self.problem, self.span, self.dropper = problem, span, dropper
+
+
+def refuse_stitched(line: Line, model: str) -> None:
+    """Raise ValueError if a line has stitch wires, for a model that has none."""
+    for i, span in enumerate(line.spans):
+        if span.stitch_wire is not None:
+            raise ValueError(
+                f"line '{line.name}', spans[{i}].stitch_wire: {model} has no stitch wires yet, only the statics have "
+                "(lengths, forces, sag, elasticity)"
+            )
+
+
 @dataclass(frozen=True)
 class Line:
     """Sequence of spans that repeats itself without end; span 0 begins at track position 0. Raises ValueError."""
@@ -241,6 +297,51 @@ class Line:
         _check("gravity", self.gravity, least=0.0)
         if not self.spans:
             raise ValueError("spans: a line needs at least one")
+        if self.stitched:
+            self._refuse_misplaced_stitch_wires()
+
+    @property
+    def stitched(self) -> bool:
+        """Whether there is a stitch wire, or a dropper that asks for one."""
+        return any(
+            span.stitch_wire or any(dropper.hangs_from != "carrier" for dropper in span.droppers)
+            for span in set(self.spans)
+        )
+
+    def _refuse_misplaced_stitch_wires(self) -> None:
+        for i, span in enumerate(self.spans):
+            here, ahead = span.stitch_wire, self.spans[(i + 1) % len(self.spans)].stitch_wire
+            if here and here.tension >= self.carrier.tension:
+                raise LineError(
+                    f"stitch_wire.tension = {here.tension:g}: allowed is less than the carrier's, "
+                    f"{self.carrier.tension:g} N",
+                    i,
+                )
+            halves = [0.0 if wire is None else 0.5 * wire.length for wire in (here, ahead)]
+            if sum(halves) >= span.length:
+                raise LineError(
+                    f"stitch_wire.length: {halves[0]:g} m and {halves[1]:g} m of the stitch wires at both ends of the "
+                    f"span meet: allowed is less than its length, {span.length:g} m, in sum",
+                    i,
+                )
+            for j, dropper in enumerate(span.droppers):
+                back = span.length - dropper.position
+                if dropper.hangs_from != "carrier" and not (dropper.position < halves[0] or back < halves[1]):
+                    raise LineError(
+                        f"position = {dropper.position:g}: allowed for hangs_from = stitch_wire is less than "
+                        f"{halves[0]:g} m from the mast before it or {halves[1]:g} m from the mast after it",
+                        i,
+                        j,
+                    )
+
+    def stitch_of(self, span: int, dropper: int) -> int | None:
+        """Return the number of the span whose stitch wire a dropper hangs from; None: it hangs from the carrier."""
+        own = self.spans[span]
+        if own.droppers[dropper].hangs_from == "carrier":
+            return None
+        here = own.stitch_wire
+        after = here is None or own.droppers[dropper].position >= 0.5 * here.length
+        return (span + after) % len(self.spans)
 
     @property
     def period(self) -> float:

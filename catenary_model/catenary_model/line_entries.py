@@ -53,6 +53,7 @@ class DropperEntry(DropperDefault):
 
     position: float = _number("Distance from the mast at the span's beginning", "m", 0.0, 150.0)
     length: float | None = _number("Unstressed length l_0; left out: computed", "m", 0.01, 10.0, default=None)
+    hangs_from: Literal["carrier", "stitch_wire"] | None = None
     sag: float | None = _number("Clamp below the nominal height; left out: pre_sag", "m", -0.5, 0.5, default=None)
 
 
@@ -61,6 +62,16 @@ class MastEntry(Entry):
 
     stiffness: float | None = _number("Stiffness k_m under the carrier", "N/m", 1e3, 1e8, default=None)
     encumbrance: float | None = _number("Carrier above the nominal contact wire", "m", 0.1, 10.0, default=None)
+
+
+class StitchEntry(Entry):
+    """A stitch wire over a mast."""
+
+    length: float | None = _number("Distance of its clamps", "m", 1.0, 100.0, default=None)
+    tension: float | None = _number("Tension S", "N", 100.0, 1e5, default=None)
+    mass_per_length: float | None = _number("Mass per length", "kg/m", 0.01, 20.0, default=None)
+    bending_stiffness: float | None = _number("Bending stiffness EI", "N m^2", 0.1, 1e5, default=None)
+    clamp: float | None = _number("Mass of each of its clamps", "kg", 0.0, 50.0, default=None)
 
 
 class ArmEntry(Entry):
@@ -82,6 +93,7 @@ class Common(Entry):
     pre_sag_from: Literal["mast", "first_dropper"] | None = None
     mast: MastEntry | None = None
     steady_arm: ArmEntry | None = None
+    stitch_wire: StitchEntry | None = None
 
 
 class SpanEntry(Common):
@@ -112,6 +124,7 @@ class File(Entry):
 def contradictions(file: File) -> Iterable[str]:
     """Tell what each entry allows by itself and the others do not."""
     yield from _misplaced(file)
+    yield from _incomplete(file)
     droppers = [
         (f"spans[{i}].droppers[{j}]", d) for i, span in enumerate(file.spans) for j, d in enumerate(span.droppers)
     ]
@@ -128,6 +141,20 @@ def contradictions(file: File) -> Iterable[str]:
                 f"{where}.sag = {dropper.sag:g}: allowed without length only (length = {dropper.length:g} m decides "
                 "by itself where the clamp hangs)"
             )
+
+
+def _incomplete(file: File) -> Iterable[str]:
+    """Tell every stitch wire that lacks something, and every dropper without one."""
+    needed = ("length", "tension", "mass_per_length")
+    for i, span in enumerate(file.spans):
+        stitch = span.stitch_wire if "stitch_wire" in span.model_fields_set else file.defaults.stitch_wire
+        if stitch is None:
+            continue
+        given = (file.defaults.stitch_wire.given() if file.defaults.stitch_wire else {}) | stitch.given()
+        for key in needed:
+            if key not in given:
+                low, high, unit = _range(StitchEntry.model_fields[key])
+                yield f"spans[{i}].stitch_wire.{key} is missing; allowed is a number from {low:g} to {high:g} {unit}"
 
 
 def _misplaced(file: File) -> Iterable[str]:
@@ -191,6 +218,13 @@ def _allowed(field: FieldInfo, is_list: bool) -> str:
     if not isinstance(field.json_schema_extra, dict):
         choices = [c for kind in get_args(field.annotation) if get_origin(kind) is Literal for c in get_args(kind)]
         return f"one of {', '.join(choices)}" if choices else "a text"
-    low, high = (next(getattr(m, key) for m in field.metadata if hasattr(m, key)) for key in ("ge", "le"))
+    low, high, unit = _range(field)
     kind = "an integer" if field.annotation is int else "a number"
-    return f"{kind} from {low:g} to {high:g} {field.json_schema_extra['unit']}".rstrip()
+    return f"{kind} from {low:g} to {high:g} {unit}".rstrip()
+
+
+def _range(field: FieldInfo) -> tuple[float, float, str]:
+    """Return the limits of a number and its unit."""
+    low, high = (next(getattr(m, key) for m in field.metadata if hasattr(m, key)) for key in ("ge", "le"))
+    unit = field.json_schema_extra["unit"] if isinstance(field.json_schema_extra, dict) else ""
+    return low, high, str(unit)

@@ -28,8 +28,15 @@ A dropper (or `defaults.dropper`, but for position, length and sag) may also hav
     carrier_clamp: 0.195        # kg on the carrier
     contact_clamp: 0.165        # kg on the contact wire; `mass` is what is left, half of it on either wire
 
-and a span (or `defaults`) `pre_sag_from: first_dropper` if its parabola reaches from the first dropper to the last one,
-not from mast to mast. Every mapping may have a `source`, a text: the document of its values, what was assumed.
+    hangs_from: stitch_wire     # of the nearer mast, in place of carrier
+
+A span (or `defaults`) may have `pre_sag_from: first_dropper` if its parabola reaches from the first dropper to the last
+one, not from mast to mast, and a stitch wire over its mast, clamped to the carrier at half its length on either side:
+
+    stitch_wire: {length: 18.0, tension: 3500.0, mass_per_length: 0.31, bending_stiffness: 5.0, clamp: 0.2}
+                                # m, N, kg/m, N m^2 (5 if left out), kg for each of its two clamps (0 if left out)
+
+Every mapping may have a `source`, a text: the document of its values, what was assumed.
 
 Every number has a range; what is unknown, missing, of the wrong type or out of range is refused with its full path.
 """
@@ -44,7 +51,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from catenary_model import statics
-from catenary_model.line import PRE_SAG_FROM, Dropper, Line, Mast, Span, SteadyArm, Wire
+from catenary_model.line import PRE_SAG_FROM, Dropper, Line, LineError, Mast, Span, SteadyArm, StitchWire, Wire
 from catenary_model.line_entries import DropperDefault, DropperEntry, Entry, File, contradictions, names, problem
 from catenary_model.line_text import dump_line
 from catenary_model.reach import refuse_unridable
@@ -130,6 +137,7 @@ def _line(file: File, source: str, name: str) -> Line:
                 droppers.append(Dropper(**_rope(file.defaults.dropper, dropper)))
             where = f"spans[{i}]"
             arm = entry.steady_arm if "steady_arm" in entry.model_fields_set else file.defaults.steady_arm
+            stitch = entry.stitch_wire if "stitch_wire" in entry.model_fields_set else file.defaults.stitch_wire
             pre_sag = file.defaults.pre_sag if entry.pre_sag is None else entry.pre_sag
             span = Span(
                 length=entry.length,
@@ -137,6 +145,7 @@ def _line(file: File, source: str, name: str) -> Line:
                 pre_sag=0.0 if pre_sag is None else pre_sag,
                 mast=Mast(**_merged(file.defaults.mast, entry.mast)),
                 steady_arm=None if arm is None else SteadyArm(**_merged(file.defaults.steady_arm, arm)),
+                stitch_wire=None if stitch is None else StitchWire(**_merged(file.defaults.stitch_wire, stitch)),
                 pre_sag_from=entry.pre_sag_from or file.defaults.pre_sag_from or PRE_SAG_FROM[0],
                 source=entry.source or "",
             )
@@ -145,6 +154,9 @@ def _line(file: File, source: str, name: str) -> Line:
         carrier, contact = Wire(**file.carrier.given()), Wire(**file.contact.given())
         name = name if file.name is None else file.name
         return Line(carrier, contact, tuple(spans), file.gravity, name, source=file.source or "")
+    except LineError as error:
+        origin = [i for i, entry in enumerate(file.spans) for _ in range(entry.repeat)]
+        raise LineFileError(f"{source}: {LineError(error.problem, origin[error.span], error.dropper)}") from None
     except ValueError as error:
         raise LineFileError(f"{source}: {where}: {error}") from None
 

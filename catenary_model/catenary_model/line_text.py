@@ -8,13 +8,19 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, TypeVar
 
-from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, Wire
+from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, StitchWire, Wire
 from phil_base.yaml_file import dump_yaml, number_text
 
 T = TypeVar("T")
 
-_NOTHING: dict[str, Any] = {"mass": 0.0, "carrier_clamp": 0.0, "contact_clamp": 0.0, "mass_per_length": 0.0}
-"""What a dropper without masses has."""
+_NOTHING: dict[str, Any] = {
+    "mass": 0.0,
+    "carrier_clamp": 0.0,
+    "contact_clamp": 0.0,
+    "mass_per_length": 0.0,
+    "source": "",
+}
+"""What a dropper has that is nothing but a spring."""
 
 
 def dump_line(line: Line) -> str:
@@ -28,6 +34,7 @@ def dump_line(line: Line) -> str:
     beginning = _most([span.pre_sag_from for span in line.spans], "mast")
     mast = _most([span.mast for span in line.spans], Mast())
     arm = _most([span.steady_arm for span in line.spans], None)
+    stitch = _most([span.stitch_wire for span in line.spans], None)
     rows = [
         dump_yaml({"name": line.name}).rstrip(),
         *_source(line.source, ""),
@@ -42,6 +49,7 @@ def dump_line(line: Line) -> str:
     rows += [f"  dropper: {_mapping(_shown(dict(usual)))}  # {_units(usual)}"]
     rows += [f"  mast: {_flow(mast)}  # N/m, m"]
     rows += [f"  steady_arm: {_flow(arm)}  # N/m, kg"] if arm else []
+    rows += [f"  stitch_wire: {_flow(stitch)}  # m, N, kg/m, N m^2, kg"] if stitch else []
     rows += ["", "spans:"]
     for span, equal in itertools.groupby(line.spans):
         rows += [f"  - length: {number_text(span.length)}  # m"]
@@ -52,6 +60,8 @@ def dump_line(line: Line) -> str:
         rows += [f"    pre_sag_from: {span.pre_sag_from}"] if span.pre_sag_from != beginning else []
         rows += [f"    mast: {_flow(span.mast)}  # N/m, m"] if span.mast != mast else []
         rows += [f"    steady_arm: {_flow(span.steady_arm)}  # N/m, kg"] if span.steady_arm != arm else []
+        other = span.stitch_wire != stitch
+        rows += [f"    stitch_wire: {_flow(span.stitch_wire)}  # m, N, kg/m, N m^2, kg"] if other else []
         rows += _droppers(span, dict(usual))
     return "\n".join(rows) + "\n"
 
@@ -70,25 +80,25 @@ def _differing(dropper: Dropper, usual: dict[str, Any]) -> dict[str, Any]:
     given = {key: own.get(key, _NOTHING.get(key)) for key in {**own, **usual} if own.get(key) != usual.get(key)}
     given = {key: x for key, x in given.items() if x is not None}
     given |= {"length": dropper.length} if dropper.length is not None else {}
-    given |= {"sag": dropper.sag} if dropper.sag is not None else {}
-    return given | ({"source": dropper.source} if dropper.source else {})
+    given |= {"hangs_from": dropper.hangs_from} if dropper.hangs_from != "carrier" else {}
+    return given | ({"sag": dropper.sag} if dropper.sag is not None else {})
 
 
 def _rope(dropper: Dropper) -> tuple[tuple[str, Any], ...]:
-    """Return stiffness and masses of a dropper as the file has them."""
+    """Return stiffness, masses and source of a dropper as the file has them."""
     axial = dropper.axial_stiffness
     stiff = ("stiffness", dropper.stiffness) if axial is None else ("axial_stiffness", axial)
     return (stiff, *((key, getattr(dropper, key)) for key in _NOTHING))
 
 
 def _shown(rope: dict[str, Any]) -> dict[str, Any]:
-    """Leave out what is zero, but for the mass."""
-    return {key: x for key, x in rope.items() if x != 0.0 or key == "mass"}
+    """Leave out what is nothing, but for the mass."""
+    return {key: x for key, x in rope.items() if x != _NOTHING.get(key) or key == "mass"}
 
 
 def _units(rope: Iterable[tuple[str, Any]]) -> str:
     unit = {"stiffness": "N/m", "axial_stiffness": "N", "mass_per_length": "kg/m"}
-    return ", ".join(unit.get(key, "kg") for key in _shown(dict(rope)))
+    return ", ".join(unit.get(key, "kg") for key in _shown(dict(rope)) if key != "source")
 
 
 def _most(values: list[T], otherwise: T) -> T:
@@ -109,7 +119,7 @@ def _scalar(x: Any) -> str:
     return _quoted(x) if isinstance(x, str) else number_text(x)
 
 
-def _entries(element: Wire | Mast | SteadyArm) -> list[tuple[str, Any]]:
+def _entries(element: Wire | Mast | SteadyArm | StitchWire) -> list[tuple[str, Any]]:
     """Return names and values of an element, without an empty source."""
     every = [(field.name, getattr(element, field.name)) for field in fields(element)]
     return [(key, x) for key, x in every if x != ""]
@@ -119,5 +129,5 @@ def _mapping(entries: dict[str, Any]) -> str:
     return "{" + ", ".join(f"{key}: {_scalar(x)}" for key, x in entries.items()) + "}"
 
 
-def _flow(entry: Mast | SteadyArm | None) -> str:
+def _flow(entry: Mast | SteadyArm | StitchWire | None) -> str:
     return "null" if entry is None else _mapping(dict(_entries(entry)))

@@ -138,9 +138,9 @@ def _looked_at(rest: Statics) -> Array:
 
 
 def _around(line: Line, span: int) -> tuple[Line, int]:
-    """Spans around one as a line of their own, and the first of them; all of a short line."""
+    """Spans around one as a line of their own, and the first of them; all of a short or a stitched line."""
     n = len(line.spans)
-    if n <= 2 * _NEIGHBOURS + 1:
+    if n <= 2 * _NEIGHBOURS + 1 or line.stitched:  # cut out, a stitch wire could lose its other half
         return line, 0
     first = (span - _NEIGHBOURS) % n
     spans = tuple(line.spans[(first + i) % n] for i in range(2 * _NEIGHBOURS + 1))

@@ -29,7 +29,8 @@ from scipy import sparse
 
 from catenary_model.line import Dropper, Line
 from catenary_model.periodic_beam import PeriodicBeam
-from catenary_model.suspension import LoadedWire, Suspension, incidence
+from catenary_model.stitched import CARRIER, StitchedCarrier, Strand
+from catenary_model.suspension import Hung, LoadedWire, Shape, Suspension, incidence
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -68,7 +69,7 @@ class Sites:
     stiffness: Array
     """N/m."""
     carrier_mass: Array
-    """Mass that moves with the carrier, kg: a dropper's upper clamp and half of the dropper."""
+    """Mass that moves with the carrier or stitch wire, kg: a dropper's upper clamp and half of the dropper."""
     contact_mass: Array
     """Mass that moves with the contact wire, kg: a dropper's lower clamp and half of the dropper, or a steady arm."""
     force: Array
@@ -77,6 +78,8 @@ class Sites:
     """Of a dropper at rest against its unstressed length, m; negative is slack; 0 for all others."""
     length: Array
     """Unstressed length l_0 of a dropper, m; 0 for all others."""
+    stitch: Indices
+    """Span whose stitch wire a dropper hangs from; -1 for all that sits on carrier or contact wire."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,9 @@ class Statics:
     sites: Sites
     contact_beam: PeriodicBeam
     """Contact wire with what acts on it: at every clamp the dropper's force less half of the dropper's weight."""
-    carrier_beam: PeriodicBeam
+    carrier_beam: Shape
+    stitch_wires: tuple[Strand, ...] = ()
+    """Shapes of the stitch wires of one period, by rising place."""
 
     def __post_init__(self) -> None:
         for field in fields(self.sites):
@@ -100,6 +105,13 @@ class Statics:
     def carrier(self, zeta: Array) -> Array:
         """Height of the carrier at track positions zeta, m."""
         return self.carrier_beam.value(zeta)
+
+    def stitch(self, zeta: Array) -> Array:
+        """Height of the stitch wires at track positions zeta, m; NaN where there is none."""
+        height = np.full(np.shape(zeta), np.nan)
+        for wire in self.stitch_wires:
+            height = np.where(np.isnan(height), wire.value(zeta), height)
+        return height
 
     @property
     def dropper_positions(self) -> Array:
@@ -136,20 +148,23 @@ class _Droppers:
     contact_mass: Array
     length: Array
     height: Array
+    stitch: Indices
     name: list[tuple[int, int]]
 
     @classmethod
     def of(cls, line: Line) -> _Droppers:
-        rows, name = [], []
+        rows, stitch, name = [], [], []
         for i, (start, span) in enumerate(zip(line.span_starts, line.spans, strict=True)):
             for j, d in enumerate(span.droppers):
                 given = np.nan if d.length is None else d.length
                 rows.append(
                     (start + d.position, d.stiffness, d.carrier_mass, d.contact_mass, given, span.clamp_height(d))
                 )
+                wire = line.stitch_of(i, j)
+                stitch.append(CARRIER if wire is None else wire)
                 name.append((i, j))
         at, stiffness, on_carrier, on_contact, length, height = np.array(rows, dtype=np.float64).reshape(-1, 6).T
-        return cls(at, stiffness, on_carrier, on_contact, length, height, name)
+        return cls(at, stiffness, on_carrier, on_contact, length, height, np.array(stitch, dtype=np.int64), name)
 
 
 @lru_cache(maxsize=8)
@@ -206,7 +221,7 @@ def _solve(line: Line) -> Statics:
     given = ~np.isnan(droppers.length)
     n = given.size
     encumbrance = np.array([span.mast.encumbrance for span in line.spans])
-    on_carrier, on_contact = _height_rows(hung, droppers.at, mast_at)
+    on_carrier, on_contact = _height_rows(line, hung, droppers.at, mast_at)
     both = np.arange(n, dtype=np.int64)
     side = np.concatenate((np.where(given, -droppers.length, droppers.height), encumbrance))
     carrier_known, contact_known = hung.carrier_known[on_carrier], hung.contact_known[on_contact]
@@ -228,15 +243,18 @@ def _solve(line: Line) -> Statics:
         return x, np.where(given, np.where(taut, x[:n] / droppers.stiffness, apart), 0.0)
 
     taut, x = one_sided(try_out, np.ones(n, dtype=np.bool_))
-    force, string, contact_string = hung.split(x)
+    force, own, own_contact = hung.split(x)
     tension = np.where(np.abs(force[:n]) <= _TOLERANCE * droppers.stiffness, 0.0, force[:n])
     force = np.concatenate((np.where(given, np.maximum(tension, 0.0), tension), force[n:]))
-    carrier, contact = hung.carrier.beam(force, string), hung.contact.beam(force, contact_string)
-    distance_at_rest = carrier.value(droppers.at) - contact.value(droppers.at)
+    carrier, contact = hung.carrier.beam(force, own), hung.contact.beam(force, own_contact)
+    stitches = hung.carrier.stitches(own) if isinstance(hung.carrier, StitchedCarrier) else ()
+    above = hung.carrier_height[on_carrier[:n]] @ x if stitches else carrier.value(droppers.at)
+    distance_at_rest = above - contact.value(droppers.at)
     elongation = np.where(taut, force[:n] / droppers.stiffness, distance_at_rest - droppers.length)
     length = np.where(given, droppers.length, distance_at_rest - elongation)
     _refuse_impossible(line, droppers.name, force[:n], length)
-    return Statics(line, _sites(line, droppers, mast_at, force[:n], force[n:], elongation, length), contact, carrier)
+    sites = _sites(line, droppers, mast_at, force[:n], force[n:], elongation, length)
+    return Statics(line, sites, contact, carrier, stitches)
 
 
 def _hung(line: Line, droppers: _Droppers, mast_at: Array) -> Suspension:
@@ -248,15 +266,23 @@ def _hung(line: Line, droppers: _Droppers, mast_at: Array) -> Suspension:
     every = np.arange(n + m)
     signed = sparse.csr_array(sparse.diags_array(np.where(every < n, -1.0, 1.0)))
     known = np.concatenate((on_carrier, np.zeros(m)))
-    carrier = LoadedWire(line.carrier, P, place[order], signed[order], known[order], line.carrier.mass_per_length * g)
+    carrier: Hung
+    if line.stitched:
+        hangs = np.concatenate((droppers.stitch, np.full(m, CARRIER)))
+        carrier = StitchedCarrier(line, 1, place, hangs, signed, known, g)
+    else:
+        weight = line.carrier.mass_per_length * g
+        carrier = LoadedWire(line.carrier, P, place[order], signed[order], known[order], weight)
     up = incidence(n, np.arange(n), np.arange(n), n + m)
     return Suspension(
         carrier, LoadedWire(line.contact, P, droppers.at, up, on_contact, line.contact.mass_per_length * g)
     )
 
 
-def _height_rows(hung: Suspension, dropper_at: Array, mast_at: Array) -> tuple[Indices, Indices]:
+def _height_rows(line: Line, hung: Suspension, dropper_at: Array, mast_at: Array) -> tuple[Indices, Indices]:
     """Which load on the carrier belongs to every dropper and mast, and on the contact wire to every dropper."""
+    if line.stitched:
+        return np.arange(dropper_at.size + mast_at.size), np.arange(dropper_at.size)
     on_carrier = np.searchsorted(hung.carrier.at, np.concatenate((dropper_at, mast_at)))
     return on_carrier, np.arange(dropper_at.size)
 
@@ -337,4 +363,5 @@ def _sites(
         force=column(force, mast, no_arms),
         elongation=column(elongation, none, no_arms),
         length=column(length, none, no_arms),
+        stitch=np.concatenate((droppers.stitch, np.full(m + a, CARRIER)))[order],
     )

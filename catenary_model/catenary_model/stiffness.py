@@ -20,7 +20,8 @@ from scipy import sparse
 
 from catenary_model.periodic_beam import PeriodicBeam
 from catenary_model.statics import DROPPER, MAST, STEADY_ARM, Flags, Statics, StaticsError, one_sided
-from catenary_model.suspension import Factor, LoadedWire, Suspension, incidence
+from catenary_model.stitched import CARRIER, StitchedCarrier
+from catenary_model.suspension import Factor, Hung, LoadedWire, Suspension, incidence
 
 Array = NDArray[np.float64]
 
@@ -82,8 +83,9 @@ class PushedLine:
         used = (sites.kind != STEADY_ARM) | (sites.stiffness > 0.0)
         starts = line.period * np.arange(copies)[:, None]
         position = (starts + sites.position[used]).ravel()
-        kind, k, rest_force, rest_stretch = (
-            np.tile(column[used], copies) for column in (sites.kind, sites.stiffness, sites.force, sites.elongation)
+        kind, k, rest_force, rest_stretch, stitch = (
+            np.tile(column[used], copies)
+            for column in (sites.kind, sites.stiffness, sites.force, sites.elongation, sites.stitch)
         )
         self.length = copies * line.period
         # forces are numbered as the sites; what counts is what they change from rest
@@ -96,9 +98,16 @@ class PushedLine:
         on_carrier, on_contact = np.flatnonzero(kind != STEADY_ARM), np.flatnonzero(kind != MAST)
         up = incidence(count, every, every, count)
         down = sparse.csr_array(sparse.diags_array(sign) @ up)
-        carrier, contact = (
-            LoadedWire(wire, self.length, position[at], signed[at], np.zeros(at.size), 0.0)
-            for wire, at, signed in ((line.carrier, on_carrier, down), (line.contact, on_contact, up))
+        none = np.zeros(on_carrier.size)
+        carrier: Hung
+        if line.stitched:
+            further = len(line.spans) * np.repeat(np.arange(copies), int(used.sum()))
+            hangs = np.where(stitch == CARRIER, CARRIER, stitch + further)[on_carrier]
+            carrier = StitchedCarrier(line, copies, position[on_carrier], hangs, down[on_carrier], none, 0.0)
+        else:
+            carrier = LoadedWire(line.carrier, self.length, position[on_carrier], down[on_carrier], none, 0.0)
+        contact = LoadedWire(
+            line.contact, self.length, position[on_contact], up[on_contact], np.zeros(on_contact.size), 0.0
         )
         self._hung = hung = Suspension(carrier, contact)
         # what shortens a spring: contact wire minus carrier for a dropper, the height of its wire for masts and arms
@@ -148,7 +157,8 @@ class PushedLine:
             return x, np.where(taut, (rest + x[self._drop]) / k_d, stretch)
 
         taut, x = one_sided(try_out, rest > 0.0)
-        forces, _, height = hung.split(x)
+        forces, _, own = hung.split(x)
+        height = own[:n]
         here = (1.0 - share) * height[k] + share * height[following] + force * share * right / T
         beam = PeriodicBeam(
             wire.wire,

@@ -16,6 +16,7 @@ factors it in a time that grows with the number of loads. This is exact: there i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,11 @@ class LoadedWire:
     """Uniform load q, N/m down."""
 
     @property
+    def unknowns(self) -> int:
+        """Number of (s, b, a)."""
+        return 3 * self.at.size
+
+    @property
     def gap(self) -> Array:
         """Distance from every load to the next one round the period, m."""
         return np.diff(self.at, append=self.at[:1] + self.period)
@@ -76,9 +82,45 @@ class LoadedWire:
             rounded * self.known,
         )
 
-    def beam(self, forces: Array, string: Array) -> PeriodicBeam:
-        """Shape of the wire for solved forces (N) and heights s (m)."""
-        return PeriodicBeam(self.wire, self.period, self.at, self.by_force @ forces + self.known, string, self.weight)
+    def beam(self, forces: Array, own: Array) -> PeriodicBeam:
+        """Shape of the wire for solved forces (N) and its solved (s, b, a)."""
+        string, load = own[: self.at.size], self.by_force @ forces + self.known
+        return PeriodicBeam(self.wire, self.period, self.at, load, string, self.weight)
+
+
+class Hung(Protocol):
+    """What `Suspension` asks of a carrier: a `LoadedWire` or a `stitched.StitchedCarrier`."""
+
+    @property
+    def at(self) -> Array:
+        """Places of the loads, m."""
+
+    @property
+    def by_force(self) -> Matrix:
+        """What the unknown forces are to the loads, (loads, forces)."""
+
+    @property
+    def unknowns(self) -> int:
+        """Number of its own unknowns."""
+
+    def equations(self) -> tuple[Matrix, Matrix, Array]:
+        """See `LoadedWire.equations`."""
+
+    def heights(self) -> tuple[Matrix, Matrix, Array]:
+        """See `LoadedWire.heights`."""
+
+    def beam(self, forces: Array, own: Array) -> Shape:
+        """Shape for solved forces (N) and own unknowns."""
+
+
+class Shape(Protocol):
+    """Shape of a wire."""
+
+    def value(self, zeta: Array) -> Array:
+        """Height at positions zeta, m."""
+
+    def slope(self, zeta: Array) -> Array:
+        """Slope at positions zeta, 1."""
 
 
 def _matrix(n: int, *parts: tuple[Ints, Ints, Array]) -> Matrix:
@@ -94,19 +136,19 @@ def incidence(size: int, row: Ints, column: Ints, columns: int, value: float = 1
 class Suspension:
     """Carrier and contact wire together; what is left to say is one law per unknown force.
 
-    Attributes: `carrier`, `contact` (`LoadedWire`), `forces` their number.
+    Attributes: `carrier`, `contact`, `forces` their number.
     """
 
-    def __init__(self, carrier: LoadedWire, contact: LoadedWire) -> None:
+    def __init__(self, carrier: Hung, contact: LoadedWire) -> None:
         """Put the equations of both wires below each other."""
         self.carrier, self.contact, self.forces = carrier, contact, carrier.by_force.shape[1]
         (f_ca, own_ca, side_ca), (f_co, own_co, side_co) = carrier.equations(), contact.equations()
         self._wires = Matrix(sparse.hstack([sparse.vstack([f_ca, f_co]), sparse.block_diag([own_ca, own_co])]))
         self.side: Array = np.concatenate((side_ca, side_co))
-        self._split = self.forces + 3 * carrier.at.size
+        self._split = self.forces + carrier.unknowns
         (by_ca, at_ca, known_ca), (by_co, at_co, known_co) = carrier.heights(), contact.heights()
-        self.carrier_height = Matrix(sparse.hstack([by_ca, at_ca, Matrix((carrier.at.size, 3 * contact.at.size))]))
-        self.contact_height = Matrix(sparse.hstack([by_co, Matrix((contact.at.size, 3 * carrier.at.size)), at_co]))
+        self.carrier_height = Matrix(sparse.hstack([by_ca, at_ca, Matrix((carrier.at.size, contact.unknowns))]))
+        self.contact_height = Matrix(sparse.hstack([by_co, Matrix((contact.at.size, carrier.unknowns)), at_co]))
         self.carrier_known: Array = known_ca
         self.contact_known: Array = known_co
 
@@ -120,9 +162,8 @@ class Suspension:
         return Matrix(sparse.coo_array((value, (rows, rows)), shape=(self.forces, size)))
 
     def split(self, x: Array) -> tuple[Array, Array, Array]:
-        """Take a solution apart: forces (N), heights s of the carrier and of the contact wire (m)."""
-        first, n, m = self.forces, self.carrier.at.size, self.contact.at.size
-        return x[:first], x[first : first + n], x[self._split : self._split + m]
+        """Take a solution apart: forces (N), own unknowns of carrier and contact wire (of `LoadedWire` s first)."""
+        return x[: self.forces], x[self.forces : self._split], x[self._split :]
 
 
 class Factor:

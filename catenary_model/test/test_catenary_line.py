@@ -91,7 +91,7 @@ def test_chinese_line_has_what_its_source_publishes() -> None:
     assert rest.carrier(np.array([0.0])) == pytest.approx(1.6, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["benchmark_ac_simple", "china_27_21"])
+@pytest.mark.parametrize("name", ["benchmark_ac_simple", "china_27_21", "re330_stitched"])
 def test_presets_from_documents_say_so(name: str) -> None:
     line = load_line(name)
     (span,) = line.spans
@@ -135,18 +135,18 @@ def test_text_becomes_the_line_it_describes() -> None:
 
 def test_elements_as_they_are_built_and_where_they_come_from() -> None:
     text = changed("  dropper: {stiffness: 1e5, mass: 0.4}", "  dropper: {axial_stiffness: 2e5, contact_clamp: 0.1}")
-    text = text.replace("length: 0.72", "sag: 0.01, source: a drawing").replace(
+    text = text.replace("length: 0.72", "sag: 0.01, source: 'a drawing, B'").replace(
         "pre_sag: 0.01", "pre_sag_from: first_dropper"
     )
     line = parse_line(text + "source: 'several: see there'\n", name="mine")
     droppers = line.spans[2].droppers
     assert droppers[0] == Dropper(5.0, axial_stiffness=2e5, contact_clamp=0.1)
     assert droppers[1] == Dropper(17.0, 2e4, contact_clamp=0.1)  # its own stiffness counts, not the default's rope
-    assert (droppers[2].sag, droppers[2].source, line.source) == (0.01, "a drawing", "several: see there")
+    assert (droppers[2].sag, droppers[2].source, line.source) == (0.01, "a drawing, B", "several: see there")
     assert {span.pre_sag_from for span in line.spans} == {"first_dropper"}
     again = parse_line(dump_line(line))
     assert again == line
-    assert (again.source, again.spans[2].droppers[2].source) == (line.source, "a drawing")
+    assert (again.source, again.spans[2].droppers[2].source) == (line.source, "a drawing, B")
 
 
 def test_a_source_makes_no_other_line() -> None:

@@ -52,9 +52,18 @@ def test_every_numerical_parameter_reaches_the_model() -> None:
     assert {name: getattr(config, name) for name in changes} == changes
 
 
-@pytest.mark.parametrize("name", preset_names())
+@pytest.mark.parametrize("name", [name for name in preset_names() if not load_line(name).stitched])
 def test_every_preset_is_a_line(name: str) -> None:
     assert build(Parameters, with_changes(line=name)).config().line == load_line(name)
+
+
+@pytest.mark.parametrize("discretisation", ["fe", "fd"])
+def test_a_line_with_stitch_wires_is_refused_in_one_line(discretisation: str) -> None:
+    with pytest.raises(
+        ParameterError, match=r"'re330_stitched', spans\[0\]\.stitch_wire: .* has no stitch wires"
+    ) as found:
+        build(Parameters, with_changes(line="re330_stitched", discretisation=discretisation))
+    assert "\n" not in str(found.value)
 
 
 def test_a_file_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model import statics
-from catenary_model.line import Line
+from catenary_model.line import Line, refuse_stitched
 from catenary_model.pantograph import Pantograph
 from catenary_model.reference import equilibrium, ride, step
 from catenary_model.reference.links import ENDS, links
@@ -59,6 +59,7 @@ class Config:
     """Most solves a step; steps that did not settle are counted."""
 
     def __post_init__(self) -> None:
+        refuse_stitched(self.line, "the catenary-fixed reference")
         for name in ("element_length", "time_step", "newmark_beta"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from catenary_model.reference.mesh import TrackMesh
@@ -9,6 +11,7 @@ from catenary_model.statics import Sites, Statics
 
 _ON_THE_MAST = 1e-6
 """Distance (m) within which a site belongs to the end of the mesh: rounding of the repeated period."""
+_COLUMNS = tuple(field.name for field in fields(Sites) if field.name != "position")
 
 
 def repeated(statics: Statics, mesh: TrackMesh) -> Sites:
@@ -20,5 +23,4 @@ def repeated(statics: Statics, mesh: TrackMesh) -> Sites:
     position = np.tile(one.position, copies) + shift
     inside = (position > mesh.start - _ON_THE_MAST) & (position < mesh.end + _ON_THE_MAST)
     position = np.clip(position[inside], mesh.start, mesh.end)
-    columns = (one.stiffness, one.carrier_mass, one.contact_mass, one.force, one.elongation, one.length)
-    return Sites(position, np.tile(one.kind, copies)[inside], *(np.tile(column, copies)[inside] for column in columns))
+    return Sites(position, *(np.tile(getattr(one, name), copies)[inside] for name in _COLUMNS))
