@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 
 from catenary_model.boundary import Layer
 from catenary_model.companions import Companion
-from catenary_model.line import Line, refuse_stitched
+from catenary_model.line import Line, refuse_stiffness_damping, refuse_stitched
 from catenary_model.moving_frame import Mesh
 
 DISCRETISATIONS = {
@@ -112,6 +112,7 @@ class Config:
 
     def __post_init__(self) -> None:
         refuse_stitched(self.line, "the model in the moving frame")
+        refuse_stiffness_damping(self.line, "the model in the moving frame")
         positive = ("cycle_time", "element_length", "segment_half_length", "newmark_beta", "newmark_gamma")
         for name in (*positive, "grid_spacing"):
             value = getattr(self, name)

@@ -36,12 +36,15 @@ class Wire:
     """EI, N m^2."""
     tension: float
     """T, N."""
+    stiffness_damping: float = 0.0
+    """b of Rayleigh's damping D = beta/rhoA M + b K, s; what is proportional to mass is part of `damping`."""
     source: str = _source()
 
     def __post_init__(self) -> None:
         for name in ("mass_per_length", "bending_stiffness", "tension"):
             _check(name, getattr(self, name), above=0.0)
-        _check("damping", self.damping, least=0.0)
+        for name in ("damping", "stiffness_damping"):
+            _check(name, getattr(self, name), least=0.0)
 
     @property
     def wave_speed(self) -> float:
@@ -268,6 +271,16 @@ class LineError(ValueError):
         """Name the entry in front of the problem."""
         super().__init__(f"spans[{span}]{'' if dropper is None else f'.droppers[{dropper}]'}.{problem}")
         self.problem, self.span, self.dropper = problem, span, dropper
+
+
+def refuse_stiffness_damping(line: Line, model: str) -> None:
+    """Raise ValueError if a wire has damping in proportion to its stiffness, for a model that has none."""
+    for name, wire in (("carrier", line.carrier), ("contact", line.contact)):
+        if wire.stiffness_damping > 0.0:
+            raise ValueError(
+                f"line '{line.name}', {name}.stiffness_damping = {wire.stiffness_damping:g}: {model} allows 0 s only, "
+                "the catenary-fixed reference has it"
+            )
 
 
 def refuse_stitched(line: Line, model: str) -> None:

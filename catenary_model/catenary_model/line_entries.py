@@ -33,6 +33,8 @@ class WireEntry(Entry):
 
     mass_per_length: float = _number("Mass per length rhoA", "kg/m", 0.05, 20.0)
     damping: float = _number("Damping per length beta", "N s/m^2", 0.0, 20.0)
+    mass_damping: float = _number("Rayleigh's a, added to damping as a rhoA", "1/s", 0.0, 20.0, default=0.0)
+    stiffness_damping: float = _number("Rayleigh's b", "s", 0.0, 0.01, default=0.0)
     bending_stiffness: float = _number("Bending stiffness EI", "N m^2", 1.0, 1e5)
     tension: float = _number("Axial tension T", "N", 1e3, 2e5)
 

@@ -19,6 +19,11 @@
         steady_arm: null        # none here, in spite of the default
         droppers: [5.0, 15.0, 25.0, 35.0, 45.0]
 
+A wire may also have Rayleigh's damping D = a M + b K beside or in place of `damping` (which may be 0):
+
+    mass_damping: 0.0125        # a, 1/s, the same as a damping of a rhoA
+    stiffness_damping: 1.0e-4   # b, s; the catenary-fixed reference alone has it
+
 A dropper (or `defaults.dropper`, but for position, length and sag) may also have
 
     sag: 0.024                  # m that its clamp hangs below the nominal height, in place of the span's parabola
@@ -52,7 +57,16 @@ from pydantic import ValidationError
 
 from catenary_model import statics
 from catenary_model.line import PRE_SAG_FROM, Dropper, Line, LineError, Mast, Span, SteadyArm, StitchWire, Wire
-from catenary_model.line_entries import DropperDefault, DropperEntry, Entry, File, contradictions, names, problem
+from catenary_model.line_entries import (
+    DropperDefault,
+    DropperEntry,
+    Entry,
+    File,
+    WireEntry,
+    contradictions,
+    names,
+    problem,
+)
 from catenary_model.line_text import dump_line
 from catenary_model.reach import refuse_unridable
 from phil_base.clear_words import ClearError
@@ -151,7 +165,7 @@ def _line(file: File, source: str, name: str) -> Line:
             )
             spans += [span] * entry.repeat
         where = "line"
-        carrier, contact = Wire(**file.carrier.given()), Wire(**file.contact.given())
+        carrier, contact = _wire(file.carrier), _wire(file.contact)
         name = name if file.name is None else file.name
         return Line(carrier, contact, tuple(spans), file.gravity, name, source=file.source or "")
     except LineError as error:
@@ -159,6 +173,13 @@ def _line(file: File, source: str, name: str) -> Line:
         raise LineFileError(f"{source}: {LineError(error.problem, origin[error.span], error.dropper)}") from None
     except ValueError as error:
         raise LineFileError(f"{source}: {where}: {error}") from None
+
+
+def _wire(entry: WireEntry) -> Wire:
+    """Make a wire: damping in proportion to mass is viscous damping."""
+    given = entry.given()
+    more = given.pop("mass_damping", 0.0) * entry.mass_per_length
+    return Wire(**given | ({"damping": entry.damping + more} if more else {}))
 
 
 def _merged(default: Entry | None, entry: Entry | None) -> dict[str, Any]:

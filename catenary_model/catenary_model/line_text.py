@@ -120,9 +120,9 @@ def _scalar(x: Any) -> str:
 
 
 def _entries(element: Wire | Mast | SteadyArm | StitchWire) -> list[tuple[str, Any]]:
-    """Return names and values of an element, without an empty source."""
+    """Return names and values of an element, without what is empty or nothing."""
     every = [(field.name, getattr(element, field.name)) for field in fields(element)]
-    return [(key, x) for key, x in every if x != ""]
+    return [(key, x) for key, x in every if x != "" and (key, x) != ("stiffness_damping", 0.0)]
 
 
 def _mapping(entries: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from catenary_model import statics
+from catenary_model.build import Config
 from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, Wire
 from catenary_model.line_file import LineFileError, dump_line, load_line, parse_line, preset_names
 
@@ -147,6 +148,16 @@ def test_elements_as_they_are_built_and_where_they_come_from() -> None:
     again = parse_line(dump_line(line))
     assert again == line
     assert (again.source, again.spans[2].droppers[2].source) == (line.source, "a drawing, B")
+
+
+def test_rayleigh_damping_in_proportion_to_mass_is_viscous() -> None:
+    text = changed("damping: 0.6", "damping: 0.5, mass_damping: 0.0125, stiffness_damping: 1e-4")
+    line = parse_line(text)
+    assert line.carrier == Wire(1.07, 0.5 + 0.0125 * 1.07, 100.0, 16e3, 1e-4)
+    assert line.contact.stiffness_damping == 0.0
+    assert parse_line(dump_line(line)) == dataclasses.replace(line)
+    with pytest.raises(ValueError, match=r"line '.*', carrier\.stiffness_damping = 0.0001: .* allows 0 s only"):
+        Config(line=line)
 
 
 def test_a_source_makes_no_other_line() -> None:

@@ -56,12 +56,12 @@ def wire_matrices(line: Line, mesh: TrackMesh) -> tuple[sparse.csc_array, sparse
     for which, wire in enumerate((line.carrier, line.contact)):
         m = elements.mass(mesh.h)
         k = wire.bending_stiffness * elements.bending(mesh.h) + wire.tension * elements.tension(mesh.h)
-        own = 2 * which + np.array([0, 1, 4, 5])
+        own, b = 2 * which + np.array([0, 1, 4, 5]), wire.stiffness_damping
         for i in range(4):
             for j in range(4):
                 rows.append(4 * e + own[i])
                 columns.append(4 * e + own[j])
-                for kept, block in zip(values, (wire.mass_per_length * m, wire.damping * m, k), strict=True):
+                for kept, block in zip(values, (wire.mass_per_length * m, wire.damping * m + b * k, k), strict=True):
                     kept.append(np.full(mesh.elements, block[i, j]))
     at = (np.concatenate(rows), np.concatenate(columns))
     n = 4 * mesh.nodes

@@ -5,7 +5,12 @@ D = (beta_w / rhoA) M, so that a step needs the mass matrix only:
 
     A q = M (s q_p - beta Ts^2 d v_p) + beta Ts^2 f,    A = s M + beta Ts^2 K,  s = 1 + gamma Ts d,  d = beta_w / rhoA
 
-(q_p, v_p: predictors (3.19, 3.20); A is K_DM of (3.22), see `catenary_model.wires`). A is block tridiagonal with 2 x 2
+(q_p, v_p: predictors (3.19, 3.20); A is K_DM of (3.22), see `catenary_model.wires`). Rayleigh's damping has a part
+b K as well. With kappa = 1 + b gamma/(beta Ts) and the shift r = (b/kappa) (v_p - gamma/(beta Ts) q_p), which is known,
+
+    A (q + r) = M (s (q_p + r) - beta Ts^2 d v_p) + beta Ts^2 f,    A = s M + beta Ts^2 kappa K,
+
+the same step for q + r. A is block tridiagonal with 2 x 2
 blocks, one a node. Its factors S_(i+1) = D - B^T S_i^-1 B converge to a constant within some dozen nodes, to the last
 bit: only this head is kept, the rest of a wire, however long, is two recursions with constant coefficients.
 """
@@ -42,6 +47,7 @@ class WireFactor:
 def factor(wire: Wire, h: float, nodes: int, ts: float, beta: float, gamma: float) -> WireFactor:
     """Factor A of a wire (3.1) with free ends, `nodes` nodes, elements of length h (m) and steps of ts (s)."""
     stiffness = wire.bending_stiffness * elements.bending(h) + wire.tension * elements.tension(h)
+    stiffness = (1.0 + wire.stiffness_damping * gamma / (beta * ts)) * stiffness
     block = (wire.mass_per_length + gamma * ts * wire.damping) * elements.mass(h) + beta * ts**2 * stiffness
     B = block[:2, 2:]
     first, last = block[:2, :2], block[2:, 2:]
@@ -57,6 +63,13 @@ def factor(wire: Wire, h: float, nodes: int, ts: float, beta: float, gamma: floa
         backward=np.array([(i @ B).ravel() for i in inverse]),
         last=np.linalg.inv(last - B.T @ inverse[-1] @ B).ravel(),
     )
+
+
+def shift(wire: Wire, ts: float, beta: float, gamma: float) -> Array:
+    """Return r as a combination of q, q', q'', (3,): the module's docstring; zero without b."""
+    b, per = wire.stiffness_damping, gamma / (beta * ts)
+    of_q_p, of_v_p = np.array([1.0, ts, ts**2 * (0.5 - beta)]), np.array([0.0, 1.0, ts * (1.0 - gamma)])
+    return np.asarray(b / (1.0 + b * per) * (of_v_p - per * of_q_p))
 
 
 def mass_stencil(wire: Wire, h: float) -> Array:

@@ -120,6 +120,7 @@ def free_step(w: Wires, c: Links, s: State) -> None:
     ts, beta, gamma = w.real[TS], w.real[BETA], w.real[GAMMA]
     wires.inertia(w, s.q, s.z, s.y)
     wires.solve(w, s.y)
+    wires.shift_back(w, s.q, s.y)
     for j in range(c.element.size):
         s.free[0, j] = elongation(c, j, s.y)
         ref = c.rest[j, 2]

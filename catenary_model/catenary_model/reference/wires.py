@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model.line import Line
-from catenary_model.reference.factor import factor, mass_stencil
+from catenary_model.reference.factor import factor, mass_stencil, shift
 from catenary_model.reference.mesh import TrackMesh
 from phil_base.kernels import njit
 
@@ -39,6 +39,8 @@ class Wires(NamedTuple):
     backward: Array
     last: Array
     """(2, 4)."""
+    shift: Array
+    """r as a combination of q, q', q'', see `factor`, (2, 3); zero without damping in proportion to stiffness."""
 
 
 def wires(line: Line, mesh: TrackMesh, ts: float, beta: float, gamma: float) -> Wires:
@@ -56,6 +58,7 @@ def wires(line: Line, mesh: TrackMesh, ts: float, beta: float, gamma: float) -> 
         d = wire.damping / wire.mass_per_length
         s, damped = 1.0 + gamma * ts * d, beta * ts**2 * d
         row[:] = s, s * ts - damped, s * ts**2 * (0.5 - beta) - damped * ts * (1.0 - gamma)
+        row += s * shift(wire, ts, beta, gamma)
     return Wires(
         real=np.array([ts, beta, gamma]),
         combine=combine,
@@ -64,6 +67,7 @@ def wires(line: Line, mesh: TrackMesh, ts: float, beta: float, gamma: float) -> 
         inverse=both("inverse"),
         backward=both("backward"),
         last=np.array([f.last for f in factors]),
+        shift=np.array([shift(wire, ts, beta, gamma) for wire in pair]),
     )
 
 
@@ -140,6 +144,16 @@ def solve(c: Wires, y: Array) -> None:
         t3 = (f[2] * y2[i] + f[3] * y3[i]) - b[2] * x2 - b[3] * x3
         x0, x1, x2, x3 = t0, t1, t2, t3
         y0[i], y1[i], y2[i], y3[i] = x0, x1, x2, x3
+
+
+@njit(cache=True, fastmath=False)
+def shift_back(c: Wires, q: Array, y: Array) -> None:
+    """Take r off y = q + r, (4, nodes)."""
+    for f in range(4):
+        r = c.shift[f // 2]
+        if r[0] != 0.0:
+            for i in range(y.shape[1]):
+                y[f, i] -= r[0] * q[0, f, i] + r[1] * q[1, f, i] + r[2] * q[2, f, i]
 
 
 @njit(cache=True, fastmath=False)

@@ -97,7 +97,7 @@ def wire_gains(wire: Wire, h: float, speed: float, layer: Layer, settings: Setti
         return {"behind": behind, "ahead": ahead}
 
     step = {"ts": layer.ts, "beta": layer.beta, "gamma": layer.gamma}
-    kind = {key: value for key, value in asdict(wire).items() if key != "source"}
+    kind = {key: value for key, value in asdict(wire).items() if key not in ("source", "stiffness_damping")}
     stored = cache.cached("gain", {**kind, "h": h, "speed": speed, **step, **asdict(fitting)}, design)
     return stored["behind"], stored["ahead"]
 
