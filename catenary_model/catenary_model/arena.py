@@ -26,11 +26,12 @@ def pack(constants: C, state: S) -> tuple[Array, Ints, Ints, C, S]:
     The table has a row per array, those of the constants first: where it begins in its block, then its shape. Raises
     TypeError for an array that is not what its field is declared as.
     """
-    arrays: list[NDArray[np.generic]] = [*constants, *state]
-    for bundle in (constants, state):
-        for name, array, kind in zip(bundle._fields, bundle, kinds(type(bundle)), strict=True):
-            if Kind(array.dtype.type, array.ndim) != kind:
-                raise TypeError(f"{name} is {array.dtype} with {array.ndim} dimensions, declared is {kind}")
+    declared = [*kinds(type(constants)), *kinds(type(state))]
+    arrays: list[NDArray[np.generic]] = []
+    for name, entry, kind in zip((*constants._fields, *state._fields), (*constants, *state), declared, strict=True):
+        if (entry.dtype if isinstance(kind, np.dtype) else Kind(entry.dtype.type, entry.ndim)) != kind:
+            raise TypeError(f"{name} is {entry.dtype} with {entry.ndim} dimensions, declared is {kind}")
+        arrays.append(np.array([entry]).view(kind[0]) if isinstance(kind, np.dtype) else entry)
     table = np.zeros((len(arrays), 6), dtype=np.int64)
     size = {True: 0, False: 0}
     for row, array in zip(table, arrays, strict=True):
@@ -39,12 +40,12 @@ def pack(constants: C, state: S) -> tuple[Array, Ints, Ints, C, S]:
         row[1 : 1 + array.ndim] = array.shape
         size[is_float] += 8 * -(-array.size // 8)  # a cache line each
     floats, whole = np.zeros(size[True]), np.zeros(size[False], dtype=np.int64)
-    views: list[NDArray[np.generic]] = []
-    for row, array in zip(table, arrays, strict=True):
+    views: list[Any] = []
+    for row, array, kind in zip(table, arrays, declared, strict=True):
         block: NDArray[np.generic] = floats if array.dtype == np.float64 else whole
         view = block[row[0] : row[0] + array.size].reshape(array.shape)
         view[...] = array
-        views.append(view)
+        views.append(view.view(kind)[0] if isinstance(kind, np.dtype) else view)
     n = len(constants)
     return floats, whole, table, type(constants)._make(views[:n]), type(state)._make(views[n:])
 
@@ -95,18 +96,26 @@ def unpacker(constants: type[C], state: type[S]) -> Any:
     return unpack
 
 
-def kinds(bundle: type[NamedTuple]) -> list[Kind]:
-    """Give the kinds of a bundle's arrays in their order. Raises TypeError for a field that is none."""
+def record(kind: np.dtype[np.void], **values: float) -> Any:
+    """Make a record of `layout.numbers`; what is not given is 0. Raises ValueError for a name that it does not have."""
+    made = np.zeros(1, kind)[0]
+    for name, value in values.items():
+        made[name] = value
+    return made
+
+
+def kinds(bundle: type[NamedTuple]) -> list[Kind | np.dtype[np.void]]:
+    """Give the kinds of a bundle's arrays and records in their order. Raises TypeError for a field that is neither."""
     found = []
     for name, hint in get_type_hints(bundle, include_extras=True).items():
-        said = [one for one in getattr(hint, "__metadata__", ()) if isinstance(one, Kind)]
+        said = [one for one in getattr(hint, "__metadata__", ()) if isinstance(one, Kind | np.dtype)]
         if not said:
             raise TypeError(f"{bundle.__name__}.{name} is not declared as an array of catenary_model.layout")
         found += said
     return found
 
 
-def _views(arrays: Sequence[Kind], row: int) -> Any:
+def _views(arrays: Sequence[Kind | np.dtype[np.void]], row: int) -> Any:
     """Make the compiled function that gives arrays as a tuple of views, the first by this row of the table.
 
     A tuple of arrays of different kinds cannot be filled in a loop: each function adds one view to those of the next.
@@ -119,7 +128,9 @@ def _views(arrays: Sequence[Kind], row: int) -> Any:
             return ()
 
         return none
-    block, view = _BLOCKS[arrays[0].kind], _VIEWS[arrays[0].dimensions]
+    kind = arrays[0]
+    view = _record(kind) if isinstance(kind, np.dtype) else _VIEWS[kind.dimensions]
+    block = _BLOCKS[kind[0].type if isinstance(kind, np.dtype) else kind.kind]
     rest = _views(arrays[1:], row + 1)
 
     @njit(inline="always")
@@ -127,6 +138,16 @@ def _views(arrays: Sequence[Kind], row: int) -> Any:
         return (view(block(floats, whole), table[row]), *rest(floats, whole, table))
 
     return some
+
+
+def _record(kind: np.dtype[np.void]) -> Any:
+    """Make the compiled function that gives a record in its block; t is its row of the table."""
+
+    @njit
+    def view(block: Array, t: Ints) -> Any:
+        return block[t[0] : t[0] + t[1]].view(kind)[0]
+
+    return view
 
 
 @njit(inline="always")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from catenary_model import pantograph
 from catenary_model.cycle import soft_start_share, track_position
-from catenary_model.layout import COMPLIANCE, PERIOD, STEPS, TS
+from catenary_model.layout import STEPS
 from catenary_model.pantograph import Pantograph
 from phil_base.kernels import njit
 
@@ -116,7 +116,7 @@ def begin(several: Sequence[Companion], c: Any, s: Any) -> None:
     zeta = float(track_position(c, s))
     n = s.masses.shape[3]
     for r, one in enumerate(several):
-        height = float(static_height(c.static, c.real[PERIOD], zeta + c.beside[r, AT]))
+        height = float(static_height(c.static, float(c.real["period"]), zeta + c.beside[r, AT]))
         own = one.pantograph.uplift.size
         s.masses[r, 0, :, n - own :] = pantograph.at_rest(one.pantograph, height).y
         s.aside[r, PLACE], s.aside[r, HEIGHT] = c.beside[r, AT], height
@@ -135,13 +135,13 @@ def static_height(static: Array, period: float, zeta: float) -> float:
 @njit(cache=True, fastmath=False)
 def lift(c: Any, s: Any) -> None:
     """Move all companions to the new instant as if there were no contact; where their heads would be is in HEAD."""
-    t = c.real[TS] * s.counter[STEPS]
+    t = c.real.ts * s.counter[STEPS]
     zeta = track_position(c, s)
     for r in range(c.beside.shape[0]):
         chain = pantograph.Constants(c.numbers[r], c.chains[r, 0], c.chains[r, 1], c.chains[r, 2], c.lifts[r])
         state = pantograph.State(s.masses[r, 0], s.masses[r, 1])
         head = pantograph.free(chain, state, soft_start_share(t, c.beside[r, SOFT_START]))
-        static = static_height(c.static, c.real[PERIOD], zeta + c.beside[r, AT])
+        static = static_height(c.static, c.real.period, zeta + c.beside[r, AT])
         s.aside[r, HEAD], s.aside[r, STATIC] = head - static, static
 
 
@@ -151,11 +151,11 @@ def press(c: Any, s: Any, r: int, force: float) -> None:
     chain = pantograph.Constants(c.numbers[r], c.chains[r, 0], c.chains[r, 1], c.chains[r, 2], c.lifts[r])
     pantograph.finish(chain, pantograph.State(s.masses[r, 0], s.masses[r, 1]), force)
     s.aside[r, FORCE] = force
-    if force <= 0.0 and c.real[TS] * s.counter[STEPS] > c.beside[r, SOFT_START]:
-        s.aside[r, LOST] += c.real[TS]
+    if force <= 0.0 and c.real.ts * s.counter[STEPS] > c.beside[r, SOFT_START]:
+        s.aside[r, LOST] += c.real.ts
 
 
 @njit(cache=True, fastmath=False)
 def note_height(c: Any, s: Any, r: int, deviation: float) -> None:
     """Note the height of the contact point of companion r for the wire's deviation there (m)."""
-    s.aside[r, HEIGHT] = s.aside[r, STATIC] + deviation + c.real[COMPLIANCE] * s.aside[r, FORCE]
+    s.aside[r, HEIGHT] = s.aside[r, STATIC] + deviation + c.real.compliance * s.aside[r, FORCE]

@@ -43,7 +43,7 @@ def run(
     """
     n = pc.uplift.size
     own = pc.real[pantograph.BETA] * pc.real[pantograph.TS] ** 2 * pc.inverse[n - 1, n - 1]
-    local = c.real[layout.COMPLIANCE]
+    local = c.real.compliance
     if np.isnan(held):
         s.contact[layout.K_CONTACT] = 1.0 / (pc.real[pantograph.CONTACT_COMPLIANCE] + own + local)
     else:
@@ -51,11 +51,11 @@ def run(
     force = 0.0
     for k in range(out.shape[0]):
         s.counter[layout.ITERATIONS] = 0
-        for _ in range(c.whole[layout.SUBSTEPS]):
-            t = c.real[layout.TS] * (s.counter[layout.STEPS] + 1)
+        for _ in range(c.whole.substeps):
+            t = c.real.ts * (s.counter[layout.STEPS] + 1)
             share = soft_start_share(t, soft_start)
             head = pantograph.free(pc, ps, share)
-            zeta = c.real[layout.START] + c.real[layout.SPEED] * t
+            zeta = c.real.start + c.real.speed * t
             step.static_at(c, zeta, s.scratch)
             s.contact[layout.HEAD] = head - s.scratch[0]
             step.substep(c, s)

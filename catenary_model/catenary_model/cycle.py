@@ -11,41 +11,25 @@ from typing import Any
 import numpy as np
 
 from catenary_model import arena
-from catenary_model.layout import (
-    COMPLIANCE,
-    GIVEN,
-    IMPULSE,
-    ITERATIONS,
-    LAST_FORCE,
-    PERIOD,
-    SPEED,
-    START,
-    STEPS,
-    SUBSTEPS,
-    TS,
-    W_CAT,
-    WORK,
-    Array,
-    Ints,
-)
+from catenary_model.layout import GIVEN, IMPULSE, ITERATIONS, LAST_FORCE, STEPS, W_CAT, WORK, Array, Ints
 from phil_base.kernels import njit
 
 
 @njit(cache=True, fastmath={"contract"})
 def track_position(c: Any, s: Any) -> float:
     """Track position zeta_0 + v t of the pantograph at the present instant, m; (3.4) with its sign corrected."""
-    return float(c.real[START] + c.real[SPEED] * (c.real[TS] * s.counter[STEPS]))
+    return float(c.real.start + c.real.speed * (c.real.ts * s.counter[STEPS]))
 
 
 @njit(cache=True, fastmath={"contract"})
 def height_of(c: Any, s: Any, deviation: float, force: float) -> float:
     """Displacement of the contact point for the wire's deviation there (m) and a contact force (N), now, m."""
     samples = c.static.shape[0] - 1
-    at = track_position(c, s) / c.real[PERIOD]
+    at = track_position(c, s) / c.real.period
     at = (at - np.floor(at)) * samples
     i = min(int(at), samples - 1)
     static = c.static[i, 0] + (at - i) * (c.static[i + 1, 0] - c.static[i, 0])
-    return float(static + deviation + c.real[COMPLIANCE] * force)
+    return float(static + deviation + c.real.compliance * force)
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -55,7 +39,7 @@ def book(c: Any, s: Any, before: float, force: float, w: float, now: float) -> f
     The force (N) went from `before` to `force`, the contact point from `w` (m) to `now`.
     """
     s.point[WORK] += 0.5 * (before + force) * (now - w)
-    s.point[IMPULSE] += 0.5 * c.real[TS] * (before + force)
+    s.point[IMPULSE] += 0.5 * c.real.ts * (before + force)
     return now
 
 
@@ -73,7 +57,7 @@ def cycles(
 
     @njit(cache=True, fastmath={"contract"})
     def advance(c: Any, s: Any, f_cat: float) -> None:
-        n = c.whole[SUBSTEPS]
+        n = c.whole.substeps
         before = s.contact[LAST_FORCE]
         s.counter[ITERATIONS] = 0
         force, w = before, s.point[W_CAT]

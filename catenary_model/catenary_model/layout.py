@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,11 @@ class Kind(NamedTuple):
     """From 1 to 5."""
 
 
+def numbers(kind: type[np.generic], *names: str) -> np.dtype[np.void]:
+    """Describe a record of numbers of one kind, float64 or int64, that compiled code reads by their names."""
+    return np.dtype([(name, kind) for name in names])
+
+
 Array1 = Annotated[Array, Kind(np.float64, 1)]
 Array2 = Annotated[Array, Kind(np.float64, 2)]
 Array3 = Annotated[Array, Kind(np.float64, 3)]
@@ -28,11 +33,18 @@ Array5 = Annotated[Array, Kind(np.float64, 5)]
 Ints1 = Annotated[Ints, Kind(np.int64, 1)]
 Ints2 = Annotated[Ints, Kind(np.int64, 2)]
 
-# entries of Constants.real
-TS, BETA, GAMMA, SPEED, START, BEHIND, AHEAD, H, FADING, PERIOD, COMPLIANCE = range(11)
-# entries of Constants.whole
-STATIONS, SUBSTEPS, MAX_ITERATIONS, SEGMENT_FIRST, SEGMENT_STATIONS = range(5)
-GREEN_FIRST, GREEN_LAST, REACH = range(5, 8)
+MOVING = "ts", "speed", "start", "behind", "ahead", "h", "fading", "period", "compliance"
+"""Numbers of every scheme: integration step (s), v (m/s), zeta_0 (m), distances from the pantograph to where sites end
+behind and ahead (m), spacing of nodes (m), stretch of fading (m), period of the line (m), what the mesh lacks in
+compliance under the contact (m/N)."""
+REAL = numbers(np.float64, *MOVING, "beta", "gamma")
+"""`Constants.real`: MOVING and Newmark's parameters."""
+WHOLE = numbers(
+    np.int64,
+    *("stations", "substeps", "max_iterations", "segment_first", "segment_stations"),
+    *("green_first", "green_last", "reach"),
+)
+"""`Constants.whole`."""
 # columns of Constants.site
 POSITION, ON_CARRIER, ON_CONTACT, STIFFNESS, INERTIA, FORCE, ELONGATION, ONE_SIDED = range(8)
 # ONE_SIDED: 1 a dropper that slackens, 2 a linear one, 0 anything else
@@ -53,10 +65,10 @@ ELEMENT, SLOT, ROW, LOW = range(4)
 class Constants(NamedTuple):
     """What does not change during a ride."""
 
-    real: Array1
-    """Numbers, see TS (of one integration step), BETA, ..."""
-    whole: Ints1
-    """Whole numbers, see STATIONS, ..."""
+    real: Annotated[Any, REAL]
+    """Numbers by name; in Python `real["ts"]`."""
+    whole: Annotated[Any, WHOLE]
+    """Whole numbers, likewise."""
     sweep: Array4
     """Factors of K_DM, see `wires.Factors`, (side, rows, wire, 8)."""
     middle: Array2

@@ -125,27 +125,40 @@ class Catenary(Observed):
         ts, beta, gamma = config.step_time, config.newmark_beta, config.newmark_gamma
         factors = wires.factor(frame, ts, beta, gamma)
         near, first, last = wires.green(factors, config.coupling_tolerance)
-        real = np.zeros(11)
-        real[layout.TS], real[layout.BETA], real[layout.GAMMA] = ts, beta, gamma
-        real[layout.SPEED], real[layout.START] = config.speed, config.start_position
-        real[layout.BEHIND], real[layout.AHEAD], real[layout.H] = self.mesh.behind, self.mesh.ahead, self.mesh.h
-        real[layout.FADING], real[layout.PERIOD] = config.fading_length, line.period
-        local = np.zeros((2, _SAMPLES + 1))
+        compliance, local = 0.0, np.zeros((2, _SAMPLES + 1))
         if config.local_compliance:
-            real[layout.COMPLIANCE] = lattice.local_compliance(line.contact.seen_from(config.speed), self.mesh.h)
+            compliance = lattice.local_compliance(line.contact.seen_from(config.speed), self.mesh.h)
             for row, wire in zip(local, (line.carrier, line.contact), strict=True):
                 row[:] = lattice.missing_compliance(wire, self.mesh.h, _SAMPLES)
-        segment_stations = self.reduced.x.size
-        self._beside = beside = companions.bundle(
-            config.companions, ts, (beta, gamma), real[layout.COMPLIANCE], self.mesh.h, self.mesh.middle
+        real = arena.record(
+            layout.REAL,
+            ts=ts,
+            beta=beta,
+            gamma=gamma,
+            speed=config.speed,
+            start=config.start_position,
+            behind=self.mesh.behind,
+            ahead=self.mesh.ahead,
+            h=self.mesh.h,
+            fading=config.fading_length,
+            period=line.period,
+            compliance=compliance,
         )
-        whole = np.zeros(8, dtype=np.int64)
-        whole[layout.STATIONS], whole[layout.SUBSTEPS] = self.mesh.stations, config.substeps
-        whole[layout.MAX_ITERATIONS] = config.max_slack_iterations
-        whole[layout.SEGMENT_FIRST] = self.mesh.middle - segment_stations // 2
-        whole[layout.SEGMENT_STATIONS] = segment_stations
-        whole[layout.GREEN_FIRST], whole[layout.GREEN_LAST] = first, last
-        whole[layout.REACH] = near.shape[4] // 2
+        self._beside = beside = companions.bundle(
+            config.companions, ts, (beta, gamma), compliance, self.mesh.h, self.mesh.middle
+        )
+        segment_stations = self.reduced.x.size
+        whole = arena.record(
+            layout.WHOLE,
+            stations=self.mesh.stations,
+            substeps=config.substeps,
+            max_iterations=config.max_slack_iterations,
+            segment_first=self.mesh.middle - segment_stations // 2,
+            segment_stations=segment_stations,
+            green_first=first,
+            green_last=last,
+            reach=near.shape[4] // 2,
+        )
         return layout.Constants(
             real=real,
             whole=whole,
@@ -173,7 +186,7 @@ class Catenary(Observed):
         padded = stations + 2 * wires.PAD
         at, period = c.site[:, layout.POSITION], self.config.line.period
         ring = max(1, sites.most_at_once(at, period, self.mesh.h * self.mesh.elements))
-        near = sites.most_at_once(at, period, self.mesh.h * (c.whole[layout.REACH] + 1))
+        near = sites.most_at_once(at, period, self.mesh.h * (c.whole["reach"] + 1))
         count = c.beside.shape[0]
         most, band = ring + 1 + count, 2 * (near + count) + 1  # with all pantographs
         return layout.State(
@@ -211,7 +224,7 @@ class Catenary(Observed):
     @property
     def local_compliance(self) -> float:
         """What the mesh lacks in compliance under the contact force, dC in m/N: part of `w_cat`."""
-        return float(self.constants.real[layout.COMPLIANCE])
+        return float(self.constants.real["compliance"])
 
     @property
     def external_load(self) -> Array:

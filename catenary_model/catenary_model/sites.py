@@ -16,15 +16,14 @@ a mass in M. The pantograph, if it is coupled, is a spring that can only push, a
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from catenary_model.companions import AT, SPRING
 from catenary_model.companions import HEAD as RIDER_HEAD
 from catenary_model.companions import TOUCH as RIDER_TOUCH
 from catenary_model.layout import (
-    AHEAD,
-    BEHIND,
-    BETA,
     CARRIER,
     CONTACT,
     CONTACT_WIRE,
@@ -32,13 +31,10 @@ from catenary_model.layout import (
     ELEMENT,
     ELONGATION,
     FADE,
-    FADING,
     FIRST_SITE,
     FORCE,
     FREE,
     GIVEN,
-    GREEN_FIRST,
-    GREEN_LAST,
     HEAD,
     INERTIA,
     ITERATIONS,
@@ -49,32 +45,25 @@ from catenary_model.layout import (
     LISTED,
     LOCAL,
     LOW,
-    MAX_ITERATIONS,
     NEXT_CHANGE,
     NEXT_SITE,
     ON_CARRIER,
     ON_CONTACT,
     ONE_SIDED,
-    PERIOD,
     PLACE,
     POSITION,
     PRESS,
-    REACH,
     ROW,
     SITES,
     SLACK,
     SLOT,
     SOFT,
-    SPEED,
-    STATIONS,
     STIFFNESS,
     STRETCH,
     TOUCH,
-    TS,
     UNSETTLED,
     Array,
     Constants,
-    H,
     Ints,
     State,
     X,
@@ -98,8 +87,8 @@ def _seat(here: Array, where: Ints, seats: Ints, row: int, i: int) -> None:
 def enlist(c: Constants, s: State, zeta: float) -> None:
     """Write the list of sites in the domain around track position zeta (m), by rising position, anew."""
     counter, here, where, site, taut = s.counter, s.here, s.where, c.site, s.taut
-    period, n, ring = c.real[PERIOD], c.site.shape[0], s.taut.size
-    left, right = zeta - c.real[BEHIND], zeta + c.real[AHEAD]
+    period, n, ring = c.real.period, c.site.shape[0], s.taut.size
+    left, right = zeta - c.real.behind, zeta + c.real.ahead
     i, droppers, rider = 0, 0, 0
     counter[LISTED] = 1
     s.contact[NEXT_CHANGE] = np.inf
@@ -108,7 +97,7 @@ def enlist(c: Constants, s: State, zeta: float) -> None:
         while (j // n) * period + site[j % n, POSITION] <= left:
             j += 1
         counter[FIRST_SITE] = j
-        s.contact[NEXT_CHANGE] = (j // n) * period + site[j % n, POSITION] + c.real[BEHIND]
+        s.contact[NEXT_CHANGE] = (j // n) * period + site[j % n, POSITION] + c.real.behind
         while True:
             row = j % n
             at = (j // n) * period + site[row, POSITION]
@@ -118,7 +107,7 @@ def enlist(c: Constants, s: State, zeta: float) -> None:
                 rider += 1
                 i += 1
             if at >= right:
-                s.contact[NEXT_CHANGE] = min(s.contact[NEXT_CHANGE], at - c.real[AHEAD])
+                s.contact[NEXT_CHANGE] = min(s.contact[NEXT_CHANGE], at - c.real.ahead)
                 break
             slot = j % ring
             if j >= counter[NEXT_SITE]:
@@ -141,10 +130,10 @@ def enlist(c: Constants, s: State, zeta: float) -> None:
 
 
 @njit(cache=True, fastmath={"contract"})
-def _place(real: Array, last: int, local: Array, zeta: float, here: Array, element: Ints, psi: Array) -> None:
+def _place(real: Any, last: int, local: Array, zeta: float, here: Array, element: Ints, psi: Array) -> None:
     """Put all sites where they are now, x = zeta_i - zeta (3.5): element, shape functions, fade, missing compliance."""
-    h, per_h, behind, ahead = real[H], 1.0 / real[H], real[BEHIND], real[AHEAD]
-    per_fading = 1.0 / max(real[FADING], 1e-9)
+    h, per_h, behind, ahead = real.h, 1.0 / real.h, real.behind, real.ahead
+    per_fading = 1.0 / max(real.fading, 1e-9)
     samples = local.shape[1] - 1
     x, fade, missing = here[X], here[FADE], here[LOCAL]
     place, on_carrier, on_contact, soft = here[PLACE], here[CARRIER], here[CONTACT_WIRE], here[SOFT]
@@ -178,7 +167,7 @@ def collect(c: Constants, s: State, zeta: float) -> None:
     s.here[PLACE, contact] = zeta
     for r in range(c.beside.shape[0]):
         s.here[PLACE, s.seats[1 + r]] = zeta + c.beside[r, AT]
-    _place(c.real, c.whole[STATIONS] - 2, c.local, zeta, s.here[:, :n], s.where[ELEMENT, :n], s.psi)
+    _place(c.real, c.whole.stations - 2, c.local, zeta, s.here[:, :n], s.where[ELEMENT, :n], s.psi)
     s.here[FADE, contact] = 1.0
     for r in range(c.beside.shape[0]):
         s.here[FADE, s.seats[1 + r]] = 1.0
@@ -218,8 +207,8 @@ def _between(g: Array, near: int, far: int, d: int, psi: Array, i: int, j: int, 
 def compliances(c: Constants, s: State) -> None:
     """Fill C_ij for all sites that feel each other within one step."""
     g, psi, here, where, C = c.green, s.psi, s.here, s.where, s.compliance
-    reach, first, last, own = c.whole[REACH], c.whole[GREEN_FIRST], c.whole[GREEN_LAST], C.shape[1] // 2
-    scale = c.real[BETA] * c.real[TS] * c.real[TS]
+    reach, first, last, own = c.whole.reach, c.whole.green_first, c.whole.green_last, C.shape[1] // 2
+    scale = c.real.beta * c.real.ts * c.real.ts
     for i in range(s.counter[SITES]):
         e = where[ELEMENT, i]
         near, far = _row(e, first, last), _row(e + 1, first, last)
@@ -246,7 +235,7 @@ def compliances(c: Constants, s: State) -> None:
 @njit(cache=True, fastmath={"contract"})
 def _laws(c: Constants, s: State) -> None:
     """Force law k e + b of every site for the present slack state (3.2, 3.3)."""
-    beta, ts = c.real[BETA], c.real[TS]
+    beta, ts = c.real.beta, c.real.ts
     for i in range(s.counter[SITES]):
         row = s.where[ROW, i]
         if row < -1:
@@ -346,7 +335,7 @@ def _consistent(c: Constants, s: State) -> bool:
 @njit(cache=True, fastmath={"contract"})
 def settle(c: Constants, s: State) -> None:
     """Find the forces of all sites, slack states consistent (3.17), for predicted q and the wires' own q''."""
-    scale = c.real[BETA] * c.real[TS] * c.real[TS]
+    scale = c.real.beta * c.real.ts * c.real.ts
     q, a = s.q[0], s.q[2]
     for i in range(s.counter[SITES]):
         s.here[FREE, i] = elongation(i, s.here, s.where, s.psi, q) + scale * elongation(i, s.here, s.where, s.psi, a)
@@ -357,7 +346,7 @@ def settle(c: Constants, s: State) -> None:
         iterations += 1
         if _consistent(c, s):
             break
-        if iterations >= c.whole[MAX_ITERATIONS]:
+        if iterations >= c.whole.max_iterations:
             s.counter[UNSETTLED] += 1
             break
     s.counter[ITERATIONS] = max(s.counter[ITERATIONS], iterations)
@@ -382,13 +371,13 @@ def press(pivot: Array, s: State) -> None:
 @njit(cache=True, fastmath={"contract"})
 def move_masses(c: Constants, s: State) -> None:
     """Note place, velocity and acceleration of the masses, which move through the mesh with -v and along the wire."""
-    h, v = c.real[H], c.real[SPEED]
+    h, v = c.real.h, c.real.speed
     for i in range(s.counter[SITES]):
         row = s.where[ROW, i]
         if row < 0 or c.site[row, INERTIA] == 0.0:
             continue
         e = s.where[ELEMENT, i]
-        xi = (s.here[X, i] + c.real[BEHIND]) / h - e
+        xi = (s.here[X, i] + c.real.behind) / h - e
         wire = 1 if c.site[row, ON_CONTACT] != 0.0 else 0
         slope = (6.0 * (xi * xi - xi) / h, 1.0 - 4.0 * xi + 3.0 * xi * xi)
         slope_2 = (-slope[0], 3.0 * xi * xi - 2.0 * xi)

@@ -17,26 +17,16 @@ from catenary_model import companions, sites, wires
 from catenary_model.cycle import cycles, height_of, track_position
 from catenary_model.layout import (
     A_CAT,
-    BETA,
-    COMPLIANCE,
     CONTACT,
     F_CAT,
-    GAMMA,
-    PERIOD,
     PRESS,
     PUSHED,
-    SEGMENT_FIRST,
-    SEGMENT_STATIONS,
-    SPEED,
     STEPS,
-    SUBSTEPS,
-    TS,
     V_CAT,
     W_CAT,
     ZETA,
     Array,
     Constants,
-    H,
     State,
 )
 from catenary_model.wires import PAD
@@ -46,7 +36,7 @@ from phil_base.kernels import njit
 @njit(cache=True, fastmath={"contract"})
 def static_at(c: Constants, zeta: float, out: Array) -> None:
     """Write w, w', w'', phi, phi', phi'' of the static contact wire at track position zeta (m) into out, (6,)."""
-    period = c.real[PERIOD]
+    period = c.real.period
     at = (zeta / period - np.floor(zeta / period)) * (c.static.shape[0] - 1)
     i = min(int(at), c.static.shape[0] - 2)
     r = at - i
@@ -71,11 +61,11 @@ def hold(model: Array, seg: Array, f_cat: float) -> None:
 def observe(c: Constants, s: State, f_cat: float) -> None:
     """Fill `point` and `segment` for the present state: static shape plus deviation, and f_held (3.41)."""
     zeta = track_position(c, s)
-    v, h = c.real[SPEED], c.real[H]
-    first, stations = c.whole[SEGMENT_FIRST] + PAD, c.whole[SEGMENT_STATIONS]
+    v, h = c.real.speed, c.real.h
+    first, stations = c.whole.segment_first + PAD, c.whole.segment_stations
     middle = stations // 2
     seg, table, q = s.segment, c.static, s.q
-    samples, per = table.shape[0] - 1, (c.static.shape[0] - 1) / c.real[PERIOD]
+    samples, per = table.shape[0] - 1, (c.static.shape[0] - 1) / c.real.period
     at = (zeta - middle * h) * per
     at -= samples * np.floor(at / samples)
     for j in range(stations):
@@ -92,9 +82,9 @@ def observe(c: Constants, s: State, f_cat: float) -> None:
         if at >= samples:
             at -= samples
     hold(c.segment, seg, f_cat)
-    local = c.real[COMPLIANCE]
+    local = c.real.compliance
     s.point[W_CAT] = seg[0, 2 * middle] + local * f_cat
-    s.point[V_CAT] = seg[1, 2 * middle] + local * (f_cat - s.point[F_CAT]) / (c.real[TS] * c.whole[SUBSTEPS])
+    s.point[V_CAT] = seg[1, 2 * middle] + local * (f_cat - s.point[F_CAT]) / (c.real.ts * c.whole.substeps)
     s.point[A_CAT] = seg[2, 2 * middle]
     s.point[F_CAT] = f_cat
     s.point[ZETA] = zeta
@@ -143,7 +133,7 @@ def start(c: Constants, s: State) -> None:
 @njit(cache=True, fastmath={"contract"})
 def substep(c: Constants, s: State) -> None:
     """Integrate (3.18) by one step; `State.contact` says what acts at the contact point."""
-    ts, beta, gamma = c.real[TS], c.real[BETA], c.real[GAMMA]
+    ts, beta, gamma = c.real.ts, c.real.beta, c.real.gamma
     s.counter[STEPS] += 1
     sites.collect(c, s, track_position(c, s))
     companions.lift(c, s)
@@ -170,7 +160,7 @@ def substep(c: Constants, s: State) -> None:
 @njit(cache=True, fastmath={"contract"})
 def height(c: Constants, s: State, force: float) -> float:
     """Displacement of the contact point under a contact force (N) at the present instant, m."""
-    middle = c.whole[SEGMENT_FIRST] + PAD + c.whole[SEGMENT_STATIONS] // 2
+    middle = c.whole.segment_first + PAD + c.whole.segment_stations // 2
     return height_of(c, s, s.q[0, 1, 0, middle], force)
 
 

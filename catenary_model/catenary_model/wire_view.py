@@ -33,7 +33,7 @@ def _fill(
     carrier: Singles,
     droppers: Singles,
 ) -> None:
-    period, zeta, h = c.real[layout.PERIOD], s.point[layout.ZETA], c.real[layout.H]
+    period, zeta, h = c.real.period, s.point[layout.ZETA], c.real.h
     static = np.empty(6)
     samples = carrier_at_rest.size - 1
     for j in range(contact.size):
@@ -102,11 +102,11 @@ class WireView:
 
         `behind` is the distance (m) from the pantograph back to the first node.
         """
-        period = float(constants.real[layout.PERIOD])
+        period = float(constants.real["period"])
         rest = self._carrier_at_rest
         _fill(constants, state, deviation, behind, rest, self.contact, self.carrier, self._droppers)
         self._count = int(state.counter[layout.DROPPERS])
-        zeta, ahead = state.point[layout.ZETA], constants.real[layout.AHEAD]
+        zeta, ahead = state.point[layout.ZETA], constants.real["ahead"]
         repeats = np.arange(math.floor((zeta - behind) / period), math.ceil((zeta + ahead) / period))
         x = (repeats[:, None] * period + self._masts[None, :]).ravel() - zeta
         self.mast_x = x[(x > -behind) & (x < ahead)].astype(np.float32)

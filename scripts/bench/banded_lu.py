@@ -74,7 +74,7 @@ def band(catenary: Catenary) -> Band:
 @njit(cache=True, fastmath={"contract"})
 def laws(c: Constants, s: State) -> None:
     """Write stiffness and constant force of every site for the present slack state, both with its fade."""
-    ts, scale = c.real[layout.TS], c.real[layout.BETA] * c.real[layout.TS] ** 2
+    ts, scale = c.real.ts, c.real.beta * c.real.ts**2
     for i in range(s.counter[layout.SITES]):
         row, slot = s.where[layout.ROW, i], s.where[layout.SLOT, i]
         k, b = 0.0, 0.0
@@ -108,7 +108,7 @@ def assemble(c: Constants, s: State, m: Band, first: int) -> None:
             row[o + 4 * j] = m.newmark[i, 2 * j]
             row[o + 4 * j + 1] = m.newmark[i, 2 * j + 1]
         m.y[i] = s.rhs[(i >> 1) & 1, i & 1, i >> 2]
-    scale = c.real[layout.BETA] * c.real[layout.TS] ** 2
+    scale = c.real.beta * c.real.ts**2
     g = np.empty(8)
     for i in range(s.counter[layout.SITES]):
         base = 4 * s.where[layout.ELEMENT, i]
@@ -164,7 +164,7 @@ def take(a: Array, q: Array) -> None:
 @njit(cache=True, fastmath={"contract"})
 def recheck(c: Constants, s: State) -> int:
     """Flip the droppers that contradict the solution; return the first row concerned, or -1."""
-    scale = c.real[layout.BETA] * c.real[layout.TS] ** 2
+    scale = c.real.beta * c.real.ts**2
     first, slack = -1, 0
     for i in range(s.counter[layout.SITES]):
         stretch = sites.elongation(i, s.here, s.where, s.psi, s.q[0])
@@ -187,7 +187,7 @@ def begin(c: Constants, s: State, m: Band) -> None:
     """Do what comes before the coupled solve: sites, predictors, right side of the wires."""
     s.counter[layout.STEPS] += 1
     sites.collect(c, s, cycle.track_position(c, s))
-    wires.predict(s.q, c.real[layout.TS], c.real[layout.BETA], c.real[layout.GAMMA])
+    wires.predict(s.q, c.real.ts, c.real.beta, c.real.gamma)
     wires.load(m.inner, m.outer, s.q, s.rhs)
 
 
@@ -195,7 +195,7 @@ def begin(c: Constants, s: State, m: Band) -> None:
 def finish(c: Constants, s: State, iterations: int) -> None:
     """Do what comes after it: correctors, masses on the wires."""
     s.counter[layout.ITERATIONS] = max(s.counter[layout.ITERATIONS], iterations)
-    wires.correct(s.q, c.real[layout.TS], c.real[layout.BETA], c.real[layout.GAMMA])
+    wires.correct(s.q, c.real.ts, c.real.beta, c.real.gamma)
     sites.move_masses(c, s)
 
 
@@ -213,7 +213,7 @@ def substep(c: Constants, s: State, m: Band) -> None:
         first = recheck(c, s)
         if first < 0:
             break
-        if iterations >= c.whole[layout.MAX_ITERATIONS]:
+        if iterations >= c.whole.max_iterations:
             s.counter[layout.UNSETTLED] += 1
             break
     finish(c, s, iterations)
@@ -222,7 +222,7 @@ def substep(c: Constants, s: State, m: Band) -> None:
 @njit(cache=True, fastmath={"contract"})
 def advance(c: Constants, s: State, m: Band, f_cat: float) -> None:
     """Go on one cycle, as `catenary_model.step.advance` does."""
-    n, before = c.whole[layout.SUBSTEPS], s.contact[layout.LAST_FORCE]
+    n, before = c.whole.substeps, s.contact[layout.LAST_FORCE]
     s.counter[layout.ITERATIONS] = 0
     for j in range(n):
         s.contact[layout.GIVEN] = before + (f_cat - before) * ((j + 1) / n)

@@ -73,7 +73,7 @@ def _lap(now: Ints, spent: Ints, phase: int, before: int) -> int:
 @njit(cache=True)
 def _substep(c: Constants, s: State, now: Ints, spent: Ints) -> None:
     """Do what `step.substep` does, with a clock after every call."""
-    ts, beta, gamma = c.real[layout.TS], c.real[layout.BETA], c.real[layout.GAMMA]
+    ts, beta, gamma = c.real.ts, c.real.beta, c.real.gamma
     t = _stamp(now)
     s.counter[layout.STEPS] += 1
     sites.collect(c, s, cycle.track_position(c, s))
@@ -105,7 +105,7 @@ def _substep(c: Constants, s: State, now: Ints, spent: Ints) -> None:
 @njit(cache=True)
 def _staged(c: Constants, s: State, force: Array, now: Ints, spent: Ints) -> None:
     """Go on a cycle for every force (N) as `step.advance` does; add each cycle's times (ns) to a row of `spent`."""
-    n = c.whole[layout.SUBSTEPS]
+    n = c.whole.substeps
     for k in range(force.size):
         f_cat, before = force[k], s.contact[layout.LAST_FORCE]
         s.counter[layout.ITERATIONS] = 0

@@ -60,7 +60,7 @@ class SparseLU:
     def step(self, f_cat: float) -> None:
         """Advance one cycle with the contact force f_cat (N)."""
         c, s = self.catenary.constants, self.catenary.state
-        n, before = int(c.whole[layout.SUBSTEPS]), float(s.contact[layout.LAST_FORCE])
+        n, before = int(c.whole["substeps"]), float(s.contact[layout.LAST_FORCE])
         s.counter[layout.ITERATIONS] = 0
         self.steps(np.array([before + (f_cat - before) * ((j + 1) / n) for j in range(n)]))
         step.observe(c, s, f_cat)
@@ -86,7 +86,7 @@ class SparseLU:
             iterations += 1
             if banded_lu.recheck(c, s) < 0:
                 break
-            if iterations >= c.whole[layout.MAX_ITERATIONS]:
+            if iterations >= c.whole["max_iterations"]:
                 s.counter[layout.UNSETTLED] += 1
                 break
         banded_lu.finish(c, s, iterations)

@@ -33,12 +33,12 @@ def run(
 
     `held` is a contact force (N) on both sides in place of the contact, or NaN.
     """
-    local = c.real[layout.COMPLIANCE]
+    local = c.real.compliance
     force, w = s.contact[layout.LAST_FORCE], s.point[layout.W_CAT]
     for k in range(out.shape[0]):
-        for _ in range(c.whole[layout.SUBSTEPS]):
+        for _ in range(c.whole.substeps):
             step.arrive(c, s)
-            t = c.real[layout.TS] * s.counter[layout.STEPS]
+            t = c.real.ts * s.counter[layout.STEPS]
             share = soft_start_share(t, soft_start)
             head = pantograph.free(pc, ps, share)
             before, force = force, held

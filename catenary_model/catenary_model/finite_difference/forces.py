@@ -7,17 +7,14 @@ from __future__ import annotations
 
 from catenary_model import companions, sites
 from catenary_model.cycle import track_position
-from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, ORIGIN, PER_MASS, Constants, State
+from catenary_model.finite_difference.layout import NOW, Constants, State
 from catenary_model.layout import (
-    AHEAD,
-    BEHIND,
     CARRIER,
     CONTACT,
     CONTACT_WIRE,
     ELEMENT,
     ELONGATION,
     FADE,
-    FADING,
     FORCE,
     INERTIA,
     KNOWN,
@@ -34,11 +31,8 @@ from catenary_model.layout import (
     SLACK,
     SLOT,
     SOFT,
-    SPEED,
-    STATIONS,
     STIFFNESS,
     STRETCH,
-    TS,
     Array,
     Ints,
     X,
@@ -82,7 +76,7 @@ def gather(c: Constants, s: State) -> None:
         sites.enlist(c, s, zeta)
     here, where, psi, site = s.here, s.where, s.psi, c.site
     carrier, contact = s.w[s.counter[NOW], 0], s.w[s.counter[NOW], 1]
-    per, per_fading = 1.0 / c.real[DX], 1.0 / max(c.real[FADING], 1e-9)
+    per, per_fading = 1.0 / c.real.dx, 1.0 / max(c.real.fading, 1e-9)
     samples = c.local.shape[1] - 1
     slack = 0
     here[PLACE, s.counter[CONTACT]] = zeta
@@ -92,8 +86,8 @@ def gather(c: Constants, s: State) -> None:
         here[X, i] = x
         if row < 0:
             continue
-        xi = _place((x + c.real[ORIGIN]) * per, i, where[ELEMENT], psi)
-        here[FADE, i] = max(0.0, min(1.0, min(c.real[AHEAD] - x, x + c.real[BEHIND]) * per_fading))
+        xi = _place((x + c.real.origin) * per, i, where[ELEMENT], psi)
+        here[FADE, i] = max(0.0, min(1.0, min(c.real.ahead - x, x + c.real.behind) * per_fading))
         at = xi * samples
         m = int(at)
         at -= m
@@ -130,23 +124,23 @@ def act(c: Constants, s: State, force: float) -> None:
     slots = s.w.shape[0]
     new, old = s.w[(now + 1) % slots], s.w[now]
     here, where, psi, site = s.here, s.where, s.psi, c.site
-    per, back = 1.0 / c.real[DX], c.real[ORIGIN] - c.real[SPEED] * c.real[TS]
+    per, back = 1.0 / c.real.dx, c.real.origin - c.real.speed * c.real.ts
     half = c.carry.size // 2
     here[PRESS, s.counter[CONTACT]] = force
     for m in range(c.carry.size):
-        new[1, c.whole[MIDDLE] + half - m] += c.real[PER_MASS + 1] * c.carry[m] * force
+        new[1, c.whole.middle + half - m] += c.per_mass[1] * c.carry[m] * force
     for r in range(c.beside.shape[0]):
         node = int(c.beside[r, companions.NODE])
         for m in range(c.carry.size):
-            new[1, node + half - m] += c.real[PER_MASS + 1] * c.carry[m] * s.aside[r, companions.FORCE]
+            new[1, node + half - m] += c.per_mass[1] * c.carry[m] * s.aside[r, companions.FORCE]
     if s.counter[PUSHED]:
         for wire in range(2):
             load = s.external[wire]
-            for j in range(half, c.whole[STATIONS] - half):
+            for j in range(half, c.whole.stations - half):
                 total = 0.0
                 for m in range(c.carry.size):
                     total += c.carry[m] * load[j + m - half]
-                new[wire, j] += c.real[PER_MASS + wire] * total
+                new[wire, j] += c.per_mass[wire] * total
     for i in range(s.counter[SITES]):
         row = where[ROW, i]
         if row < 0:
@@ -162,9 +156,9 @@ def act(c: Constants, s: State, force: float) -> None:
         p = here[PRESS, i]
         if p != 0.0:
             if here[CARRIER, i] != 0.0:
-                _give(new[0], e, psi, i, -here[CARRIER, i] * p * c.real[PER_MASS])
+                _give(new[0], e, psi, i, -here[CARRIER, i] * p * c.per_mass[0])
             if here[CONTACT_WIRE, i] != 0.0:
-                _give(new[1], e, psi, i, -here[CONTACT_WIRE, i] * p * c.real[PER_MASS + 1])
+                _give(new[1], e, psi, i, -here[CONTACT_WIRE, i] * p * c.per_mass[1])
     for i in range(s.counter[SITES]):
         row = where[ROW, i]
         if row < 0 or site[row, INERTIA] == 0.0:
@@ -172,10 +166,10 @@ def act(c: Constants, s: State, force: float) -> None:
         wire = 1 if site[row, ON_CONTACT] != 0.0 else 0
         e, y = where[ELEMENT, i], s.particle[where[SLOT, i]]
         own = psi[0, i] ** 2 + psi[1, i] ** 2 + psi[2, i] ** 2 + psi[3, i] ** 2
-        heavy = here[FADE, i] * site[row, INERTIA] / (c.real[TS] * c.real[TS])
-        yields = own * c.real[PER_MASS + wire]
+        heavy = here[FADE, i] * site[row, INERTIA] / (c.real.ts * c.real.ts)
+        yields = own * c.per_mass[wire]
         free = _read(new[wire], e, psi, i)
         inertia = -heavy * (free - 2.0 * y[0] + y[1]) / (1.0 + heavy * yields)
-        _give(new[wire], e, psi, i, inertia * c.real[PER_MASS + wire])
+        _give(new[wire], e, psi, i, inertia * c.per_mass[wire])
         y[1] = y[0]
         y[0] = free + yields * inertia

@@ -1,23 +1,21 @@
 """What the compiled kernels of the finite differences share, and their two bundles of arrays.
 
-Where a number has the same meaning as in the finite elements' bundles (`catenary_model.layout`) it has the same place,
-so that what both need (`sites.enlist`, the view of the wires) is written once.
+Where a number has the same meaning as in the finite elements' bundles (`catenary_model.layout`) it has the same name or
+place, so that what both need (`sites.enlist`, the view of the wires) is written once.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from catenary_model.layout import Array1, Array2, Array3, Array4, Array5, Ints1, Ints2
+import numpy as np
 
-# entries of Constants.real beyond those of `catenary_model.layout`; BEHIND and AHEAD are where sites begin and end
-ORIGIN = 11
-"""Distance from the pantograph back to node 0, m."""
-DX, PER_MASS = 12, 13
-"""Spacing, m, and (13, 14) dt^2 / (rhoA dx) of either wire, 1/(N/m)."""
-# entries of Constants.whole beyond SEGMENT_STATIONS
-MIDDLE, REACH, PER_ELEMENT = 5, 6, 8
-"""Node of the pantograph; (6, 7) nodes to either side that the interior scheme of a wire reads; spacings an element."""
+from catenary_model.layout import MOVING, Array1, Array2, Array3, Array4, Array5, Ints1, Ints2, numbers
+
+REAL = numbers(np.float64, *MOVING, "origin", "dx")
+"""`Constants.real`: MOVING, distance from the pantograph back to node 0 (m), spacing of nodes (m)."""
+WHOLE = numbers(np.int64, "stations", "substeps", "segment_stations", "middle", "per_element")
+"""`Constants.whole`: ..., node of the pantograph, spacings an element of the reduced model."""
 # entries of State.counter beyond PUSHED
 NOW = 11
 
@@ -25,10 +23,14 @@ NOW = 11
 class Constants(NamedTuple):
     """What does not change during a ride."""
 
-    real: Array1
-    """Numbers, see `catenary_model.layout` and ORIGIN, ..."""
-    whole: Ints1
-    """Whole numbers, see `catenary_model.layout` and MIDDLE, ..."""
+    real: Annotated[Any, REAL]
+    """Numbers by name, see `catenary_model.layout`."""
+    whole: Annotated[Any, WHOLE]
+    """Whole numbers, likewise."""
+    per_mass: Array1
+    """dt^2 / (rhoA dx) of either wire, 1/(N/m), (wire,)."""
+    reach: Ints1
+    """Nodes to either side that the interior scheme of a wire reads, (wire,)."""
     inner: Array3
     """Weights of the interior scheme, padded with zeros to a multiple of seven, (wire, level, weights)."""
     edge: Array5

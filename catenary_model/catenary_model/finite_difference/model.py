@@ -135,24 +135,24 @@ class Catenary(Observed):
         config, line, mesh = self.config, self.config.line, self.mesh
         reach = [max(stencil.reach[0]) for stencil in self.stencils]
         most = max(reach)
-        real = np.zeros(own.PER_MASS + 2)
-        real[layout.TS], real[layout.SPEED], real[layout.START] = config.step_time, config.speed, config.start_position
-        real[layout.H], real[layout.FADING], real[layout.PERIOD] = mesh.h, config.fading_length, line.period
-        real[own.ORIGIN], real[own.DX] = mesh.behind, mesh.h
         both = grids(config)
+        per_mass = np.zeros(2)
         for i, stencil in enumerate(self.stencils):
             wire = both[i].wire
             decay = math.exp(-0.5 * wire.damping / wire.mass_per_length * config.step_time)
-            real[own.PER_MASS + i] = decay / (stencil.new_coefficient * mesh.h)
-        local = np.zeros((2, 2))
+            per_mass[i] = decay / (stencil.new_coefficient * mesh.h)
+        compliance, local = 0.0, np.zeros((2, 2))
         if config.local_compliance:
-            real[layout.COMPLIANCE] = both[CONTACT].contact_compliance()
+            compliance = both[CONTACT].contact_compliance()
             local = np.stack([one.missing_compliance() for one in both])
-        whole = np.zeros(own.PER_ELEMENT + 1, dtype=np.int64)
-        whole[layout.STATIONS], whole[layout.SUBSTEPS] = mesh.stations, config.steps_per_cycle
-        whole[layout.SEGMENT_STATIONS] = self.reduced.x.size
-        whole[own.MIDDLE], whole[own.REACH : own.REACH + 2] = mesh.middle, reach
-        whole[own.PER_ELEMENT] = round(self.segment_mesh.h / mesh.h)
+        whole = arena.record(
+            own.WHOLE,
+            stations=mesh.stations,
+            substeps=config.steps_per_cycle,
+            segment_stations=self.reduced.x.size,
+            middle=mesh.middle,
+            per_element=round(self.segment_mesh.h / mesh.h),
+        )
         taps = -(-(2 * most + 1) // wires.TAPS) * wires.TAPS
         inner = np.zeros((2, max(stencil.levels for stencil in self.stencils), taps))
         levels = max(boundary.n_t for pair in self.ends for boundary in pair)
@@ -168,13 +168,28 @@ class Catenary(Observed):
         edge = np.ascontiguousarray(edge[..., : int(used.max(initial=0)) + 1].transpose(0, 1, 3, 4, 2))
         # a boundary stencil takes what it reads for free wire: no force may act there
         free = mesh.h * (edge.shape[3] + 1)
-        real[layout.BEHIND], real[layout.AHEAD] = mesh.behind - free, mesh.ahead - free
+        real = arena.record(
+            own.REAL,
+            ts=config.step_time,
+            speed=config.speed,
+            start=config.start_position,
+            behind=mesh.behind - free,
+            ahead=mesh.ahead - free,
+            h=mesh.h,
+            fading=config.fading_length,
+            period=line.period,
+            compliance=compliance,
+            origin=mesh.behind,
+            dx=mesh.h,
+        )
         self._beside = beside = companions.bundle(
-            config.companions, config.step_time, RIDER_NEWMARK, real[layout.COMPLIANCE], mesh.h, mesh.middle
+            config.companions, config.step_time, RIDER_NEWMARK, compliance, mesh.h, mesh.middle
         )
         return own.Constants(
             real=real,
             whole=whole,
+            per_mass=per_mass,
+            reach=np.array(reach, dtype=np.int64),
             inner=inner,
             edge=edge,
             carry=shift(config.speed * config.step_time / mesh.h, config.grid_reach),
@@ -182,7 +197,7 @@ class Catenary(Observed):
             local=local,
             static=lattice.blank_table(line.period),
             rest=lattice.blank_table(line.period),
-            project=grid.projection(mesh.h, int(whole[own.PER_ELEMENT])),
+            project=grid.projection(mesh.h, int(whole["per_element"])),
             segment=self.reduced.compact,
             beside=beside.beside,
             numbers=beside.numbers,

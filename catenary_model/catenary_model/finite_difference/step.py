@@ -18,23 +18,9 @@ import numpy as np
 from catenary_model import companions
 from catenary_model.cycle import cycles, height_of, track_position
 from catenary_model.finite_difference.forces import act, gather
-from catenary_model.finite_difference.layout import DX, MIDDLE, NOW, PER_ELEMENT, REACH, Constants, State
+from catenary_model.finite_difference.layout import NOW, Constants, State
 from catenary_model.finite_difference.wires import close, propagate
-from catenary_model.layout import (
-    A_CAT,
-    COMPLIANCE,
-    F_CAT,
-    ITERATIONS,
-    PERIOD,
-    SPEED,
-    STATIONS,
-    STEPS,
-    SUBSTEPS,
-    TS,
-    V_CAT,
-    W_CAT,
-    ZETA,
-)
+from catenary_model.layout import A_CAT, F_CAT, ITERATIONS, STEPS, V_CAT, W_CAT, ZETA
 from catenary_model.step import hold
 from phil_base.kernels import njit
 
@@ -57,19 +43,19 @@ def arrive(c: Constants, s: State) -> None:
 @njit(cache=True, fastmath={"contract"})
 def leave(c: Constants, s: State, force: float) -> None:
     """Compute level n + 1 with the contact force (N) of the present instant."""
-    now, nodes = s.counter[NOW], c.whole[STATIONS]
+    now, nodes = s.counter[NOW], c.whole.stations
     gather(c, s)
     for wire in range(2):
-        propagate(c.inner, c.whole[REACH + wire], nodes, s.w, now, wire)
+        propagate(c.inner, c.reach[wire], nodes, s.w, now, wire)
     act(c, s, force)
     for wire in range(2):
-        close(c.edge, c.whole[REACH + wire], nodes, s.w, now, wire, s.ends)
+        close(c.edge, c.reach[wire], nodes, s.w, now, wire, s.ends)
 
 
 @njit(cache=True, fastmath={"contract"})
 def height(c: Constants, s: State, force: float) -> float:
     """Displacement of the contact point under a contact force (N) at the present instant, m."""
-    return height_of(c, s, s.w[s.counter[NOW], 1, c.whole[MIDDLE]], force)
+    return height_of(c, s, s.w[s.counter[NOW], 1, c.whole.middle], force)
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -78,15 +64,15 @@ def observe(c: Constants, s: State, f_cat: float) -> None:
     zeta = track_position(c, s)
     slots, now = s.w.shape[0], s.counter[NOW]
     before, old, new = s.w[(now - 1) % slots, 1], s.w[now, 1], s.w[(now + 1) % slots, 1]
-    seg, v, ts, h = s.segment, c.real[SPEED], c.real[TS], c.real[DX] * c.whole[PER_ELEMENT]
+    seg, v, ts, h = s.segment, c.real.speed, c.real.ts, c.real.dx * c.whole.per_element
     stations, taps = seg.shape[1] // 2, c.project.shape[1]
-    middle, n = stations // 2, c.whole[MIDDLE]
+    middle, n = stations // 2, c.whole.middle
     rate, rate_2 = 0.5 / ts, 1.0 / (ts * ts)
-    samples, per = c.rest.shape[0] - 1, (c.rest.shape[0] - 1) / c.real[PERIOD]
+    samples, per = c.rest.shape[0] - 1, (c.rest.shape[0] - 1) / c.real.period
     at = (zeta - middle * h) * per
     at -= samples * np.floor(at / samples)
     for j in range(stations):
-        first = n + (j - middle) * c.whole[PER_ELEMENT] - taps // 2
+        first = n + (j - middle) * c.whole.per_element - taps // 2
         i = min(int(at), samples - 1)
         r = at - i
         for kind in range(2):
@@ -106,14 +92,14 @@ def observe(c: Constants, s: State, f_cat: float) -> None:
         if at >= samples:
             at -= samples
     hold(c.segment, seg, f_cat)
-    at = zeta / c.real[PERIOD]
+    at = zeta / c.real.period
     at = (at - np.floor(at)) * samples
     i = min(int(at), samples - 1)
     r = at - i
-    local = c.real[COMPLIANCE]
+    local = c.real.compliance
     s.point[W_CAT] = c.static[i, 0] + r * (c.static[i + 1, 0] - c.static[i, 0]) + old[n] + local * f_cat
     s.point[V_CAT] = v * (c.static[i, 1] + r * (c.static[i + 1, 1] - c.static[i, 1])) + rate * (new[n] - before[n])
-    s.point[V_CAT] += local * (f_cat - s.point[F_CAT]) / (ts * c.whole[SUBSTEPS])
+    s.point[V_CAT] += local * (f_cat - s.point[F_CAT]) / (ts * c.whole.substeps)
     s.point[A_CAT] = v * v * (c.static[i, 2] + r * (c.static[i + 1, 2] - c.static[i, 2]))
     s.point[A_CAT] += rate_2 * (new[n] - 2.0 * old[n] + before[n])
     s.point[F_CAT] = f_cat
