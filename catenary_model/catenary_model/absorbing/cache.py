@@ -14,7 +14,6 @@ from catenary_model.absorbing.design import DEMANDS, SWEEP, Demands, Design, Swe
 from catenary_model.absorbing.stencil import Stencil
 from catenary_model.absorbing.weighting import Weighting
 from phil_base import cache
-from phil_base.atomic import whole
 
 SOURCES = (Path(__file__).parent,)
 """Code that makes a design what it is; a digest of it is part of every key."""
@@ -104,5 +103,4 @@ def _write(path: Path, made: Design) -> None:
     """Write the file; a full disk is no error."""
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole(path) as draft:
-            made.write(draft)
+        made.write(path)
