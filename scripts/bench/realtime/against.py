@@ -5,9 +5,14 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import subprocess
-from collections.abc import Mapping
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 from bench.realtime.options import WrongUse
 from bench.realtime.session import Build
@@ -19,6 +24,8 @@ ENVIRONMENTS = (".venv", ".venv-ros")
 PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH")
 MARKS = ("VIRTUAL_ENV", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 """What says that an environment is set up: the wheels of ROS 2 add their libraries only where they have not done so."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What ends the bench with all that it started; SIGINT too: a shell's background process would ignore it."""
 SET_UP = '. scripts/lib/environment.sh && phil_environment run && env -0 >"$1"'
 
 
@@ -124,3 +131,31 @@ def build(text: str, folder: Path) -> Build:
 def present() -> Build:
     """Give the build that this process belongs to."""
     return Build("this build", ROOT, dict(os.environ))
+
+
+@contextmanager
+def measuring(against: str | None) -> Iterator[tuple[list[Build], Path]]:
+    """Give the builds to measure, the present one first, and a folder that goes with the bench, however it ends.
+
+    Every signal of SIGNALS ends it as Ctrl-C does, so that nothing is left running. Raises AgainstError.
+    """
+    before = {number: signal.signal(number, _interrupt) for number in SIGNALS}
+    try:
+        with tempfile.TemporaryDirectory(prefix="phil-bench-", ignore_cleanup_errors=True) as name:
+            builds = [present()]
+            if against is not None:
+                say(f"building {against}")
+                builds.append(build(against, Path(name) / "against"))
+            yield builds, Path(name)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def say(text: str) -> None:
+    """Tell how far the bench is, beside its output."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
-import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 
-from bench.realtime.against import build, present
+from bench.realtime.against import measuring, say
 from bench.realtime.disturbance import VIEWERS
 from bench.realtime.figures import NODES, RIG
 from bench.realtime.goals import goals
@@ -20,9 +16,6 @@ from bench.realtime.session import THROUGH, Build, Ridden, ride
 from bench.realtime.tables import comparison, draw_late, goal_sheet, named, pooled, ride_sheet, use_sheet
 from phil_study.distribution import distribution
 from phil_study.outcome import Outcome
-
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What ends the bench with all that it started; SIGINT too: a shell's background process would ignore it."""
 
 
 def turns(pairs: int) -> list[int]:
@@ -44,25 +37,15 @@ def run(options: RealtimeOptions, keep: Path | None = None) -> Outcome:
     KeyboardInterrupt
         Ctrl-C or a signal; nothing is left running.
     """
-    before = {number: signal.signal(number, _interrupt) for number in SIGNALS}
-    try:
-        with tempfile.TemporaryDirectory(prefix="phil-bench-", ignore_cleanup_errors=True) as name:
-            folder = Path(name)
-            builds = [present()]
-            if options.against is not None:
-                _say(f"building {options.against}")
-                builds.append(build(options.against, folder / "against"))
-            order = turns(options.pairs) if len(builds) > 1 else [0]
-            rides = []
-            for number, which in enumerate(order):
-                what = f"ride {number + 1} of {len(order)}, {builds[which].label}: " if len(order) > 1 else "riding "
-                _say(f"{what}{options.seconds:g} s at {options.rate:g} Hz{', disturbed' if options.disturbed else ''}")
-                rides.append(ride(builds[which], options, folder / f"ride-{number}"))
-                if keep is not None and rides[-1].outcome != THROUGH:
-                    _keep(folder / f"ride-{number}", keep / f"bench-realtime-ride-{number + 1}")
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    with measuring(options.against) as (builds, folder):
+        order = turns(options.pairs) if len(builds) > 1 else [0]
+        rides = []
+        for number, which in enumerate(order):
+            what = f"ride {number + 1} of {len(order)}, {builds[which].label}: " if len(order) > 1 else "riding "
+            say(f"{what}{options.seconds:g} s at {options.rate:g} Hz{', disturbed' if options.disturbed else ''}")
+            rides.append(ride(builds[which], options, folder / f"ride-{number}"))
+            if keep is not None and rides[-1].outcome != THROUGH:
+                _keep(folder / f"ride-{number}", keep / f"bench-realtime-ride-{number + 1}")
     return outcome(options, builds, rides)
 
 
@@ -127,12 +110,4 @@ def notes(options: RealtimeOptions, rides: Sequence[Ridden]) -> list[str]:
 def _keep(ride: Path, folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     shutil.move(ride, folder)
-    _say(f"kept, for it did not go through: {folder}")
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+    say(f"kept, for it did not go through: {folder}")

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import os
-import signal
-import sys
-import tempfile
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from types import FrameType
 
 import numpy as np
 
-from bench.realtime.against import build, present
+from bench.realtime.against import measuring, say
 from bench.rides.importing import Import, imports
 from bench.rides.library import Alone, in_turns, library_goals, library_sheet
 from bench.rides.options import RidesOptions
@@ -22,7 +17,6 @@ from bench.rides.tables import comparison, figure_sheet, goal_sheet, import_shee
 from phil_study.distribution import distribution
 from phil_study.outcome import Outcome
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 IMPORTS, QUICK_IMPORTS = 5, 1
 
 
@@ -44,34 +38,24 @@ def run(options: RidesOptions, quick: bool = False) -> Outcome:
     KeyboardInterrupt
         Ctrl-C or a signal; nothing is left running.
     """
-    before = {number: signal.signal(number, _interrupt) for number in SIGNALS}
-    try:
-        with tempfile.TemporaryDirectory(prefix="phil-bench-", ignore_cleanup_errors=True) as name:
-            folder = Path(name)
-            builds = [present()]
-            if options.against is not None:
-                _say(f"building {options.against}")
-                builds.append(build(options.against, folder / "against"))
-            kinds = [Kind(one.label, one.root) for one in builds]
-            if options.composed and knows_composed(builds[0].root):
-                kinds.insert(1, Kind(builds[0].label, builds[0].root, composed=True))
-            seen: dict[str, Mapping[str, Memory]] = {}
-            for kind in kinds:
-                _say(f"riding twice to warm up, {kind.label}: {options.seconds:g} s")
-                ride(kind, options, folder / f"warm-{len(seen)}-1")
-                seen[kind.label] = ride(kind, options, folder / f"warm-{len(seen)}-2", look_at_memory=True).memory
-            rides = []
-            turns = order(len(kinds), options.rounds)
-            for number, which in enumerate(turns):
-                _say(f"ride {number + 1} of {len(turns)}, {kinds[which].label}: {options.seconds:g} s")
-                rides.append(ride(kinds[which], options, folder / f"ride-{number}"))
-            _say("importing")
-            found = imports(builds, QUICK_IMPORTS if quick else IMPORTS)
-            _say("riding without ROS")
-            loops = in_turns(builds, options.seconds, options.rounds)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    with measuring(options.against) as (builds, folder):
+        kinds = [Kind(one.label, one.root) for one in builds]
+        if options.composed and knows_composed(builds[0].root):
+            kinds.insert(1, Kind(builds[0].label, builds[0].root, composed=True))
+        seen: dict[str, Mapping[str, Memory]] = {}
+        for kind in kinds:
+            say(f"riding twice to warm up, {kind.label}: {options.seconds:g} s")
+            ride(kind, options, folder / f"warm-{len(seen)}-1")
+            seen[kind.label] = ride(kind, options, folder / f"warm-{len(seen)}-2", look_at_memory=True).memory
+        rides = []
+        turns = order(len(kinds), options.rounds)
+        for number, which in enumerate(turns):
+            say(f"ride {number + 1} of {len(turns)}, {kinds[which].label}: {options.seconds:g} s")
+            rides.append(ride(kinds[which], options, folder / f"ride-{number}"))
+        say("importing")
+        found = imports(builds, QUICK_IMPORTS if quick else IMPORTS)
+        say("riding without ROS")
+        loops = in_turns(builds, options.seconds, options.rounds)
     return outcome(options, kinds, rides, seen, found, loops)
 
 
@@ -114,11 +98,3 @@ def notes(options: RidesOptions, kinds: Sequence[Kind]) -> list[str]:
     if options.composed and not any(kind.composed for kind in kinds):
         said.append("this build cannot have its nodes in one process: --composed was left out")
     return said
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
