@@ -11,25 +11,14 @@ from numpy.typing import NDArray
 
 from bench.catenary_competitors import MODEL, Contest
 from bench.catenary_phases import GROUPS, Share
+from phil_study.drawing import save, subplots
 
 Array = NDArray[np.float64]
 Draw = Callable[[Path], None]
 
 
 def _axes(count: int = 1) -> tuple[Any, Any]:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    return pyplot.subplots(1, count, figsize=(8.0, 4.5) if count == 1 else (10.0, 4.5), layout="constrained")
-
-
-def _save(figure: Any, path: Path) -> None:
-    from matplotlib import pyplot
-
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    return subplots(1, count, figsize=(8.0, 4.5) if count == 1 else (10.0, 4.5), layout="constrained")
 
 
 def histogram(default: Array, coarse: Array) -> Draw:
@@ -50,7 +39,7 @@ def histogram(default: Array, coarse: Array) -> Draw:
         axes.set(yscale="log", xlabel="time of a cycle in us (the last bin holds all beyond)", ylabel="cycles")
         axes.set_title("2 spans, 250 km/h; lines: median, dashed p99")
         axes.legend(fontsize=8)
-        _save(figure, path)
+        save(figure, path)
 
     return draw
 
@@ -74,7 +63,7 @@ def spans(rows: Sequence[dict[str, Any]]) -> Draw:
         axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
-        _save(figure, path)
+        save(figure, path)
 
     return draw
 
@@ -95,7 +84,7 @@ def phases(measured: dict[str, Share]) -> Draw:
         axes.set(xlabel="us a cycle", title="share by phase, 2 spans")
         axes.invert_yaxis()
         figure.legend(loc="outside lower center", ncols=2, fontsize=8)
-        _save(figure, path)
+        save(figure, path)
 
     return draw
 
@@ -111,7 +100,7 @@ def competitors(held: dict[str, Contest]) -> Draw:
             axes.set_xticks(range(1, len(names) + 1), [_label(contest, name) for name in names], fontsize=8)
             axes.set(yscale="log", title=f"2 spans, {mesh}", ylabel="us an integration step")
             axes.grid(alpha=0.3, axis="y", which="both")
-        _save(figure, path)
+        save(figure, path)
 
     return draw
 

@@ -10,25 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.mpc_contest import Entry
+from phil_study.drawing import save, subplots
 
 Array = NDArray[np.float64]
 Draw = Callable[[Path], None]
 
 
 def _axes(count: int = 1) -> tuple[Any, Any]:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    return pyplot.subplots(1, count, figsize=(8.0, 4.5) if count == 1 else (11.0, 4.8), layout="constrained")
-
-
-def _save(figure: Any, path: Path) -> None:
-    from matplotlib import pyplot
-
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    return subplots(1, count, figsize=(8.0, 4.5) if count == 1 else (11.0, 4.8), layout="constrained")
 
 
 def histogram(times: Array, name: str) -> Draw:
@@ -45,7 +34,7 @@ def histogram(times: Array, name: str) -> Draw:
         axes.set(yscale="log", xlabel="time of a cycle in us (the last bin holds all beyond)", ylabel="cycles")
         axes.set_title(name)
         axes.legend(fontsize=8)
-        _save(figure, path)
+        save(figure, path)
 
     return draw
 
@@ -67,7 +56,7 @@ def cases(rows: Sequence[dict[str, Any]]) -> Draw:
         axes.set(ylabel="time of a cycle in us", title="over segment, horizon and moves; line: best round")
         axes.grid(alpha=0.3, axis="y")
         axes.legend(fontsize=8)
-        _save(figure, path)
+        save(figure, path)
 
     return draw
 
@@ -84,6 +73,6 @@ def solvers(found: dict[str, dict[str, Entry]]) -> Draw:
             axes.set(title=title, xlabel="time of a solution in ms", ylabel="share of the problems that took longer")
             axes.grid(alpha=0.3)
         np.atleast_1d(every)[0].legend(fontsize=8)
-        _save(figure, path)
+        save(figure, path)
 
     return draw

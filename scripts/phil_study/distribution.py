@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from phil_study.drawing import save, subplots
+
 
 @dataclass(frozen=True)
 class Distribution:
@@ -69,17 +71,11 @@ def table(title: str, rows: Sequence[Distribution]) -> Table:
 
 def picture(title: str, samples: dict[str, NDArray[np.float64]], path: Path) -> None:
     """Draw the share of the samples (in s) that took longer than a time, one curve each."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(figsize=(8, 4.5), layout="constrained")
+    figure, axes = subplots(figsize=(8, 4.5), layout="constrained")
     for name, seconds in samples.items():
         ordered = np.sort(seconds) * 1e3
         axes.loglog(ordered, 1.0 - np.arange(ordered.size) / ordered.size, label=name, lw=1.2)
     axes.set(title=title, xlabel="time in ms", ylabel="share of the cycles that took longer")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)

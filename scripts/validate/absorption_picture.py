@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
-
 from catenary_model.moving_frame import CONTACT
+from phil_study.drawing import save, subplots
 from validate.absorption_curves import ENDS, LOW, Curves, Passing
-
-matplotlib.use("Agg")
-from matplotlib import pyplot
 
 
 def reflections(curves: Curves, goal: float, path: Path) -> None:
     """Draw reflected amplitude over frequency, a row a speed, a column an end; ``goal`` in % up to LOW."""
     speeds = list(dict.fromkeys(kmh for kmh, _, _ in curves))
-    figure, axes = pyplot.subplots(3, 2, figsize=(11, 10), sharex=True, sharey=True, layout="constrained")
+    figure, axes = subplots(3, 2, figsize=(11, 10), sharex=True, sharey=True, layout="constrained")
     for (kmh, wire, end), of in curves.items():
         axis = axes[speeds.index(kmh), end]
         for number, (kind, curve) in enumerate(of.items()):
@@ -33,14 +29,13 @@ def reflections(curves: Curves, goal: float, path: Path) -> None:
         axis.set_ylabel("reflected amplitude in %")
     axes[0, 0].set_ylim(1e-3, 200.0)
     axes[0, 0].legend(fontsize=8, title="contact wire (dashed: carrier)", title_fontsize=8)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)
 
 
 def passing_dropper(passing: Passing, path: Path) -> None:
     """Draw a contact wire that is pushed at x = 0 while a dropper moves through, with layers and without ends."""
     count = len(passing.snapshots)
-    figure, axes = pyplot.subplots(count + 1, 1, figsize=(9, 11), sharex=True, layout="constrained")
+    figure, axes = subplots(count + 1, 1, figsize=(9, 11), sharex=True, layout="constrained")
     x = passing.x
     axes[0].plot(x, passing.fading, "C0-.", label="fading of droppers and masts")
     title = f"Contact wire at {passing.kmh} km/h: unbounded (dashed), with controlled layers (solid)"
@@ -58,5 +53,4 @@ def passing_dropper(passing: Passing, path: Path) -> None:
             axis.axvspan(edge * passing.inside, edge * x[-1], color="C1", alpha=0.15, lw=0)
         axis.grid(alpha=0.3)
     axes[-1].set(xlabel="x in m, pantograph at 0, layers shaded", xlim=(-120.0, 120.0))
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)

@@ -17,6 +17,7 @@ from catenary_model.model import Catenary, Config
 from catenary_model.moving_frame import CONTACT
 from catenary_model.pantograph import Pantograph
 from catenary_model.ride import Coupled, Ride, joined, push
+from phil_study.drawing import save, subplots
 from phil_study.outcome import Row
 
 Array = NDArray[np.float64]
@@ -152,12 +153,7 @@ def disturbance_rows(case: str, found: list[Disturbance], passing: float) -> lis
 
 def draw(found: dict[str, list[Disturbance]], passing: float, path: Path) -> None:
     """Draw the differences of w: as they are, and their rms over one span on a logarithmic axis."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(3, 2, figsize=(11, 9), layout="constrained")
+    figure, axes = subplots(3, 2, figsize=(11, 9), layout="constrained")
     for pair, names in zip(axes, zip(*found.values(), strict=True), strict=True):
         for label, one in zip(found, names, strict=True):
             near = one.t < one.length + 3.0
@@ -172,5 +168,4 @@ def draw(found: dict[str, list[Disturbance]], passing: float, path: Path) -> Non
     for axis in axes[-1]:
         axis.set_xlabel("time since the disturbance began in s")
     axes[0, 0].legend(fontsize=8)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)

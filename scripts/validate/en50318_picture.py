@@ -6,15 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary_model.line import DROPPERS_3_1
 from catenary_model.reference import Ride
-
-matplotlib.use("Agg")
-from matplotlib import pyplot
+from phil_study.drawing import save, subplots
 
 Array = NDArray[np.float64]
 
@@ -35,7 +32,7 @@ def draw(rides: Mapping[float, Evaluated], between: tuple[float, float], span: f
     ``between`` is the stretch that is evaluated, ``span`` the length of a span, m.
     """
     first, last = between
-    figure, axes = pyplot.subplots(len(rides) + 1, 1, figsize=(10, 3.0 * (len(rides) + 1)), layout="constrained")
+    figure, axes = subplots(len(rides) + 1, 1, figsize=(10, 3.0 * (len(rides) + 1)), layout="constrained")
     for number, (speed, (record, below, mean, sigma)) in enumerate(rides.items()):
         axis, colour = axes[number], f"C{number}"
         inside = record.between(first, last)
@@ -65,5 +62,4 @@ def draw(rides: Mapping[float, Evaluated], between: tuple[float, float], span: f
     axes[-1].legend(fontsize=8)
     for axis in axes:
         axis.grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)

@@ -6,16 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
+from phil_study.drawing import save, subplots
 from validate.en50318 import zero_phase
 from validate.impedance_figures import Figures, accounts, in_units, spectra
 from validate.impedance_ride import CASCADED, CORRECTED, INTEGRATED, SHORT, Case, Direct, Record
-
-matplotlib.use("Agg")
-from matplotlib import pyplot
 
 Array = NDArray[np.float64]
 
@@ -35,7 +32,7 @@ BARS = {
 
 def snapshot(title: str, direct: Direct, rides: Mapping[Case, Record], window: slice, path: Path) -> None:
     """Draw wire and drive, their difference, and the force below 20 Hz, over the first piece of the window."""
-    figure, axes = pyplot.subplots(4, 1, figsize=(10, 12), sharex=True, layout="constrained")
+    figure, axes = subplots(4, 1, figsize=(10, 12), sharex=True, layout="constrained")
     for case, record in rides.items():
         if record.cycles < window.stop:
             continue
@@ -65,8 +62,7 @@ def snapshot(title: str, direct: Direct, rides: Mapping[Case, Record], window: s
     axes[0].legend(fontsize=8, ncols=2)
     axes[3].legend(fontsize=8, ncols=4)
     axes[3].set_xlabel("time in s")
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)
 
 
 def _kept(case: Case, record: Record, window: slice) -> bool:
@@ -82,7 +78,7 @@ def _tight(axis: Any, values: Sequence[Array]) -> None:
 
 def spectrum(title: str, direct: Direct, rides: Mapping[Case, Record], window: slice, path: Path) -> None:
     """Draw the force's spectrum by bands, with and without a rig, and the coherence of both."""
-    figure, axes = pyplot.subplots(2, 1, figsize=(10, 7), sharex=True, layout="constrained")
+    figure, axes = subplots(2, 1, figsize=(10, 7), sharex=True, layout="constrained")
     drawn = False
     for case, record in rides.items():
         if record.cycles < window.stop:
@@ -99,8 +95,7 @@ def spectrum(title: str, direct: Direct, rides: Mapping[Case, Record], window: s
     axes[0].legend(fontsize=8)
     for axis in axes:
         axis.grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)
 
 
 def books(title: str, rides: Mapping[Case, Record], limit: float, path: Path) -> None:
@@ -108,7 +103,7 @@ def books(title: str, rides: Mapping[Case, Record], limit: float, path: Path) ->
     shown = {case: record for case, record in rides.items() if record.left is None and case.control != CASCADED}
     if not shown:
         return
-    figure, axes = pyplot.subplots(2, len(shown), figsize=(5.5 * len(shown), 7), sharex=True, layout="constrained")
+    figure, axes = subplots(2, len(shown), figsize=(5.5 * len(shown), 7), sharex=True, layout="constrained")
     axes = axes.reshape(2, len(shown))
     for column, (case, record) in enumerate(shown.items()):
         found = accounts(record)
@@ -126,14 +121,13 @@ def books(title: str, rides: Mapping[Case, Record], limit: float, path: Path) ->
     axes[0, 0].set_ylabel("dE in J")
     axes[1, 0].set_ylabel("dp in N s")
     axes[0, 0].legend(fontsize=8)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)
 
 
 def bars(every: Mapping[Case, Figures], path: Path) -> None:
     """Draw the errors of all cases side by side; a ride that was lost has no bar."""
     places = list(dict.fromkeys((case.at, case.rig, case.variant) for case in every))
-    figure, axes = pyplot.subplots(
+    figure, axes = subplots(
         len(BARS), 1, figsize=(max(8.0, 0.5 * len(places)), 2.3 * len(BARS)), sharex=True, layout="constrained"
     )
     width = 0.8 / len(COLOURS)
@@ -149,8 +143,7 @@ def bars(every: Mapping[Case, Figures], path: Path) -> None:
     axes[0].legend(fontsize=8, ncols=3)
     names = [", ".join(p for p in (f"{at[0]} {at[1]}", rig, variant) if p) for at, rig, variant in places]
     axes[-1].set_xticks(np.arange(len(places)), names, rotation=90, fontsize=7)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)
 
 
 def draw(

@@ -30,6 +30,7 @@ from catenary_model.model import Catenary, Config
 from catenary_model.moving_frame import CARRIER, CONTACT
 from catenary_model.ride import Coupled, Ride, push
 from energy_monitor.contact_quality import CUTOFF
+from phil_study.drawing import save, subplots
 from phil_study.outcome import Outcome, Row
 from validate import disturbances
 from validate.realtime import config, pantograph, target, uplift_for
@@ -225,12 +226,7 @@ def long_ride(
 
 
 def _draw(long: dict[str, Minutes], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(len(NAMES), 1, figsize=(10, 2.2 * len(NAMES)), sharex=True, layout="constrained")
+    figure, axes = subplots(len(NAMES), 1, figsize=(10, 2.2 * len(NAMES)), sharex=True, layout="constrained")
     for i, (axis, name, unit, scale) in enumerate(zip(axes, NAMES, UNITS, SCALES, strict=True)):
         for case, found in long.items():
             axis.plot(np.arange(1, len(found.values) + 1), scale * found.values[:, i], ".-", lw=0.8, label=case)
@@ -238,8 +234,7 @@ def _draw(long: dict[str, Minutes], path: Path) -> None:
         axis.grid(alpha=0.3)
     axes[0].legend(fontsize=6, ncols=2)
     axes[-1].set_xlabel("minute")
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)
 
 
 def run(quick: bool, out: Path | None, say: Say) -> Outcome:

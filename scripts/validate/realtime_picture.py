@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import spectrogram
 
+from phil_study.drawing import save, subplots
 from validate.realtime_signals import Signals
-
-matplotlib.use("Agg")
-from matplotlib import pyplot
 
 Array = NDArray[np.float64]
 
@@ -37,7 +34,7 @@ def power(signals: Signals) -> tuple[Array, Array, Array]:
 
 def draw(title: str, truth: Signals, models: Mapping[str, Signals], path: Path) -> None:
     """Draw the reference (grey, dashed) and the real-time models, all at the same instants and not filtered."""
-    figure, axes = pyplot.subplots(3 + len(models), 1, figsize=(10, 3.0 * (3 + len(models))), layout="constrained")
+    figure, axes = subplots(3 + len(models), 1, figsize=(10, 3.0 * (3 + len(models))), layout="constrained")
     first = truth.t[0]
     piece = truth.t < first + SNIPPET
     for axis, name, scale in ((axes[0], "w", 1e3), (axes[1], "F", 1.0)):
@@ -56,5 +53,4 @@ def draw(title: str, truth: Signals, models: Mapping[str, Signals], path: Path) 
         axis.set(ylabel="frequency in Hz", title=f"contact force, {label}", xlim=(every["reference"][1][[0, -1]]))
         figure.colorbar(image, ax=axis, label="dB over 1 N$^2$/Hz")
     axes[-1].set_xlabel("time in s")
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)

@@ -30,6 +30,7 @@ from catenary_model.model import Catenary, Config
 from catenary_model.moving_frame import CONTACT, Mesh, assemble, dense
 from catenary_model.reduced import ReducedModel, discretise
 from catenary_model.ride import Coupled
+from phil_study.drawing import save, subplots
 from phil_study.outcome import Outcome, Row
 from validate.realtime import config, pantograph, uplift_for
 
@@ -204,12 +205,7 @@ def run(quick: bool, out: Path | None, say: Say) -> Outcome:
 
 
 def _draw(courses: dict[str, Array], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(1, len(KEPT), figsize=(14, 4.5), sharey=True, layout="constrained")
+    figure, axes = subplots(1, len(KEPT), figsize=(14, 4.5), sharey=True, layout="constrained")
     for axis, kept in zip(axes, KEPT, strict=True):
         for case, course in courses.items():
             if case.endswith(f"f_held {kept}"):
@@ -221,5 +217,4 @@ def _draw(courses: dict[str, Array], path: Path) -> None:
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("rms error of w in mm")
     axes[-1].legend(fontsize=6, ncols=2)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)

@@ -21,6 +21,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from catenary_model.line import CONTACT_3_1, Line, Span, Wire
 from catenary_model.reference import Config, Reference, equilibrium
 from catenary_model.statics import DROPPER
+from phil_study.drawing import save, subplots
 from phil_study.outcome import Outcome, Row
 from validate.en50318 import Setting, pantograph, zero_phase
 
@@ -195,12 +196,7 @@ def run(quick: bool, out: Path | None, say: Say) -> Outcome:
 
 
 def _draw(rows: list[Row], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(1, 2, figsize=(9, 4), layout="constrained")
+    figure, axes = subplots(1, 2, figsize=(9, 4), layout="constrained")
     for axis, name in zip(axes, ("dx", "dt"), strict=True):
         for what in ("force", "displacement"):
             chosen = [row for row in rows if row.case.startswith(f"ride, {name}") and row.name.endswith(what)]
@@ -214,5 +210,4 @@ def _draw(rows: list[Row], path: Path) -> None:
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8)
     figure.suptitle("Ride at 250 km/h against a much finer run")
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 
+from phil_study.drawing import save, subplots
 from test_rig_sim import linear_loop
 from test_rig_sim.identify import pt2_response
 from validate.rig_findings import Findings
-
-matplotlib.use("Agg")
-from matplotlib import pyplot
-from matplotlib.axes import Axes
 
 WIDEST = 150.0
 """End of the frequency axis in Hz."""
@@ -22,15 +19,14 @@ WIDEST = 150.0
 
 def draw(findings: Sequence[Findings], force: float, path: Path) -> None:
     """Draw all rigs into one picture; ``force`` is that of the step, N."""
-    figure, axes = pyplot.subplots(3, 2, figsize=(11, 11), layout="constrained")
+    figure, axes = subplots(3, 2, figsize=(11, 11), layout="constrained")
     _response(findings, axes[0, 0], axes[0, 1])
     _current(findings, axes[1, 0], axes[1, 1])
     _chirp(findings, axes[2, 0])
     _step(findings, force, axes[2, 1])
     for axis in axes.flat:
         axis.grid(alpha=0.3, which="both")
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)
 
 
 def _response(findings: Sequence[Findings], gain: Axes, lag: Axes) -> None:

@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-matplotlib.use("Agg")
-from matplotlib import pyplot
+from phil_study.drawing import save, subplots
 
 Array = NDArray[np.float64]
 
@@ -41,7 +39,7 @@ class Pushes:
 
 def draw(shown: Pushes, path: Path) -> None:
     """Draw the elasticity along the line for every force, and below it the difference of the models in %."""
-    figure, (upper, lower) = pyplot.subplots(2, 1, figsize=(10, 7), sharex=True, layout="constrained")
+    figure, (upper, lower) = subplots(2, 1, figsize=(10, 7), sharex=True, layout="constrained")
     others = [name for name in shown.elasticity if name != shown.truth]
     for j, force in enumerate(shown.forces):
         upper.plot(shown.fine, shown.between[:, j], color=f"C{j}", lw=1.2, label=f"{force:g} N, {shown.truth}")
@@ -59,5 +57,4 @@ def draw(shown: Pushes, path: Path) -> None:
     upper.set(ylabel="elasticity in mm/N", title=f"{shown.name}: static push (upright lines: supports)")
     upper.legend(fontsize=7, ncols=len(shown.forces))
     lower.set(xlabel="track position in m", ylabel=f"difference from {shown.truth} in %")
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)

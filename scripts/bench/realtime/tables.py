@@ -10,6 +10,7 @@ import numpy as np
 from bench.realtime.figures import NODES, RIG, Times
 from bench.realtime.goals import HALF, Goal
 from bench.realtime.session import OF_TOPICS, RECORDER, Ridden
+from phil_study.drawing import save, subplots
 from phil_study.outcome import Sheet
 
 PROCESSES = (*(process for node in NODES for process in (node, f"{node}, {OF_TOPICS}")), RECORDER)
@@ -132,13 +133,8 @@ def comparison(rides: Sequence[Ridden], new: str, old: str) -> tuple[Sheet, list
 
 def draw_late(rides: Sequence[Ridden], cycle_time: float, path: Path) -> None:
     """Draw the rig's turnaround over the ride's time, the largest of each tenth of a second, with its late commands."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     shown = rides[:SHOWN_RIDES]
-    figure, several = pyplot.subplots(
+    figure, several = subplots(
         len(shown), 1, figsize=(9, 1.2 + 1.8 * len(shown)), layout="constrained", sharex=True, squeeze=False
     )
     for axes, ride in zip(several[:, 0], shown, strict=True):
@@ -157,5 +153,4 @@ def draw_late(rides: Sequence[Ridden], cycle_time: float, path: Path) -> None:
         axes.legend(fontsize=8, loc="upper right")
         axes.grid(alpha=0.3)
     several[-1, 0].set_xlabel("time in s; state out to command in, largest of each 0.1 s; grey: one cycle")
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)
