@@ -211,6 +211,29 @@ class SteadyArm:
         _check("mass", self.mass, least=0.0)
 
 
+WIRES = ("carrier", "contact")
+"""What a point mass may sit on."""
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """Something that sits on a wire: a clamp, an insulator, a marker. Raises ValueError naming the field."""
+
+    position: float
+    """From the mast at the beginning of the span, m."""
+    wire: str
+    """`carrier` or `contact`."""
+    mass: float
+    """kg."""
+    source: str = _source()
+
+    def __post_init__(self) -> None:
+        _check("position", self.position, above=0.0)
+        _check("mass", self.mass, above=0.0)
+        if self.wire not in WIRES:
+            raise ValueError(f"wire = {self.wire!r}: allowed is one of {', '.join(WIRES)}")
+
+
 PRE_SAG_FROM = ("mast", "first_dropper")
 """Where the parabola of `Span.pre_sag` begins, and, mirrored, where it ends."""
 
@@ -231,6 +254,8 @@ class Span:
     """`mast`: the parabola reaches from mast to mast; `first_dropper`: from the first dropper to the last one."""
     stitch_wire: StitchWire | None = None
     """Over the mast at the span's beginning."""
+    masses: tuple[PointMass, ...] = ()
+    """In any order, strictly inside the span."""
     source: str = _source()
 
     def __post_init__(self) -> None:
@@ -243,6 +268,13 @@ class Span:
             if not after > before:
                 where = f"droppers[{min(i, len(self.droppers) - 1)}].position"
                 raise ValueError(f"{where}: droppers must rise strictly between 0 and length = {self.length} m")
+        for j, mass in enumerate(self.masses):
+            if mass.position >= self.length:
+                raise ValueError(
+                    f"masses[{j}].position = {mass.position:g}: allowed is less than length = {self.length:g} m"
+                )
+            if mass.wire == "contact" and not self.droppers:
+                raise ValueError(f"masses[{j}].wire = contact: allowed in a span with droppers only")
         for j, dropper in enumerate(self.droppers):
             if dropper.sag is not None and abs(dropper.sag) >= self.mast.encumbrance:
                 raise ValueError(

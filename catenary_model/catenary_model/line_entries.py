@@ -37,6 +37,7 @@ class WireEntry(Entry):
     stiffness_damping: float = _number("Rayleigh's b", "s", 0.0, 0.01, default=0.0)
     bending_stiffness: float = _number("Bending stiffness EI", "N m^2", 1.0, 1e5)
     tension: float = _number("Axial tension T", "N", 1e3, 2e5)
+    axial_stiffness: float | None = _number("EA, for temperature with fixed ends", "N", 1e5, 1e9, default=None)
 
 
 class DropperDefault(Entry):
@@ -57,6 +58,14 @@ class DropperEntry(DropperDefault):
     length: float | None = _number("Unstressed length l_0; left out: computed", "m", 0.01, 10.0, default=None)
     hangs_from: Literal["carrier", "stitch_wire"] | None = None
     sag: float | None = _number("Clamp below the nominal height; left out: pre_sag", "m", -0.5, 0.5, default=None)
+
+
+class MassEntry(Entry):
+    """A point mass."""
+
+    position: float = _number("Distance from the mast at the span's beginning", "m", 0.0, 150.0)
+    wire: Literal["carrier", "contact"]
+    mass: float = _number("Mass", "kg", 1e-3, 500.0)
 
 
 class MastEntry(Entry):
@@ -103,6 +112,7 @@ class SpanEntry(Common):
 
     length: float = _number("Distance to the next mast", "m", 5.0, 150.0)
     droppers: list[Annotated[DropperEntry, BeforeValidator(_position_alone)]]
+    masses: list[MassEntry] = Field(default=[])
     repeat: int = _number("Number of equal spans in a row", "", 1, 1000, default=1)
 
 
@@ -110,6 +120,23 @@ class Defaults(Common):
     """What spans and droppers have that do not say otherwise."""
 
     dropper: DropperDefault | None = None
+
+
+class TemperatureEntry(Entry):
+    """Temperature of the wires."""
+
+    value: float = _number("Temperature of the wires", "degC", -60.0, 150.0)
+    reference: float = _number("Temperature of the tensions above", "degC", -60.0, 150.0, default=10.0)
+    tensioning: Literal["weights", "fixed"] = "weights"
+    efficiency: float = _number("Of the weights' wheels", "", 0.5, 1.0, default=1.0)
+    expansion: float = _number("Thermal expansion", "1/K", 1e-6, 1e-4, default=1.7e-5)
+
+
+class IceEntry(Entry):
+    """Ice on the wires."""
+
+    carrier: float = _number("On the carrier and stitch wires", "kg/m", 0.0, 20.0, default=0.0)
+    contact: float = _number("On the contact wire", "kg/m", 0.0, 20.0, default=0.0)
 
 
 class File(Entry):
@@ -121,6 +148,8 @@ class File(Entry):
     name: str | None = None
     gravity: float = _number("Acceleration of gravity", "m/s^2", 0.0, 20.0, default=9.81)
     defaults: Defaults = Defaults()
+    temperature: TemperatureEntry | None = None
+    ice: IceEntry | None = None
 
 
 def contradictions(file: File) -> Iterable[str]:
@@ -171,6 +200,12 @@ def _misplaced(file: File) -> Iterable[str]:
                     f"({after}) and less than {span.length:g} m (length of the span)"
                 )
             before = max(before, dropper.position)
+        for j, mass in enumerate(span.masses):
+            if not 0.0 < mass.position < span.length:
+                yield (
+                    f"spans[{i}].masses[{j}].position = {mass.position:g}: allowed is more than 0 m (the mast) and "
+                    f"less than {span.length:g} m (length of the span)"
+                )
 
 
 def problem(item: Any) -> str:
@@ -218,7 +253,8 @@ def _allowed(field: FieldInfo, is_list: bool) -> str:
         least = " of at least one" if model is SpanEntry else ""
         return f"a list{least}, each entry {each}" if is_list else each
     if not isinstance(field.json_schema_extra, dict):
-        choices = [c for kind in get_args(field.annotation) if get_origin(kind) is Literal for c in get_args(kind)]
+        kinds = (field.annotation, *get_args(field.annotation))
+        choices = [c for kind in kinds if get_origin(kind) is Literal for c in get_args(kind)]
         return f"one of {', '.join(choices)}" if choices else "a text"
     low, high, unit = _range(field)
     kind = "an integer" if field.annotation is int else "a number"

@@ -41,6 +41,18 @@ one, not from mast to mast, and a stitch wire over its mast, clamped to the carr
     stitch_wire: {length: 18.0, tension: 3500.0, mass_per_length: 0.31, bending_stiffness: 5.0, clamp: 0.2}
                                 # m, N, kg/m, N m^2 (5 if left out), kg for each of its two clamps (0 if left out)
 
+A span may have point masses on either wire (m from the mast, kg):
+
+    masses: [{position: 20.0, wire: contact, mass: 1.2}]
+
+A line is described as it was built. Weather puts other tensions and masses on it, its droppers keep their lengths:
+
+    temperature: {value: 40.0, reference: 10.0, tensioning: fixed, expansion: 1.7e-5}   # degC, degC, -, 1/K
+    temperature: {value: 40.0, tensioning: weights, efficiency: 0.95}
+    ice: {carrier: 0.5, contact: 0.7}   # kg/m
+
+with `axial_stiffness` (EA, N) at either wire where the ends are fixed. `dump_line` writes the line that comes out.
+
 Every mapping may have a `source`, a text: the document of its values, what was assumed.
 
 Every number has a range; what is unknown, missing, of the wrong type or out of range is refused with its full path.
@@ -56,7 +68,18 @@ from typing import Any
 from pydantic import ValidationError
 
 from catenary_model import statics
-from catenary_model.line import PRE_SAG_FROM, Dropper, Line, LineError, Mast, Span, SteadyArm, StitchWire, Wire
+from catenary_model.line import (
+    PRE_SAG_FROM,
+    Dropper,
+    Line,
+    LineError,
+    Mast,
+    PointMass,
+    Span,
+    SteadyArm,
+    StitchWire,
+    Wire,
+)
 from catenary_model.line_entries import (
     DropperDefault,
     DropperEntry,
@@ -69,6 +92,7 @@ from catenary_model.line_entries import (
 )
 from catenary_model.line_text import dump_line
 from catenary_model.reach import refuse_unridable
+from catenary_model.weather import Ice, Temperature, under
 from phil_base.clear_words import ClearError
 from phil_base.yaml_file import YamlError, parse_yaml
 
@@ -131,12 +155,28 @@ def parse_line(text: str | bytes, source: str = "line", name: str = "unnamed") -
         raise LineFileError("\n".join(problems))
     line = _line(file, source, name)
     try:
+        line = _weathered(line, file)
         refuse_unridable(statics.solve(line))
     except statics.StaticsError as error:
         origin = [i for i, span in enumerate(file.spans) for _ in range(span.repeat)]
         span = None if error.span is None else origin[error.span]
         raise LineFileError(f"{source}: {statics.StaticsError(error.problem, span, error.dropper)}") from None
+    except ValueError as error:
+        raise LineFileError(f"{source}: {error}") from None
     return line
+
+
+def _weathered(line: Line, file: File) -> Line:
+    """Put a line under the file's weather. Raises ValueError."""
+    if file.temperature is None and file.ice is None:
+        return line
+    warm = None if file.temperature is None else Temperature(**_but_source(file.temperature))
+    ice = Ice() if file.ice is None else Ice(**_but_source(file.ice))
+    return under(line, warm, ice, (file.carrier.axial_stiffness, file.contact.axial_stiffness))
+
+
+def _but_source(entry: Entry) -> dict[str, Any]:
+    return {key: value for key, value in entry.given().items() if key != "source"}
 
 
 def _line(file: File, source: str, name: str) -> Line:
@@ -161,6 +201,7 @@ def _line(file: File, source: str, name: str) -> Line:
                 steady_arm=None if arm is None else SteadyArm(**_merged(file.defaults.steady_arm, arm)),
                 stitch_wire=None if stitch is None else StitchWire(**_merged(file.defaults.stitch_wire, stitch)),
                 pre_sag_from=entry.pre_sag_from or file.defaults.pre_sag_from or PRE_SAG_FROM[0],
+                masses=tuple(PointMass(**mass.given()) for mass in entry.masses),
                 source=entry.source or "",
             )
             spans += [span] * entry.repeat
@@ -178,6 +219,7 @@ def _line(file: File, source: str, name: str) -> Line:
 def _wire(entry: WireEntry) -> Wire:
     """Make a wire: damping in proportion to mass is viscous damping."""
     given = entry.given()
+    given.pop("axial_stiffness", None)
     more = given.pop("mass_damping", 0.0) * entry.mass_per_length
     return Wire(**given | ({"damping": entry.damping + more} if more else {}))
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, TypeVar
 
-from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, StitchWire, Wire
+from catenary_model.line import Dropper, Line, Mast, PointMass, Span, SteadyArm, StitchWire, Wire
 from phil_base.yaml_file import dump_yaml, number_text
 
 T = TypeVar("T")
@@ -63,6 +63,8 @@ def dump_line(line: Line) -> str:
         other = span.stitch_wire != stitch
         rows += [f"    stitch_wire: {_flow(span.stitch_wire)}  # m, N, kg/m, N m^2, kg"] if other else []
         rows += _droppers(span, dict(usual))
+        rows += ["    masses:  # m from the mast, kg"] if span.masses else []
+        rows += [f"      - {_flow(mass)}" for mass in span.masses]
     return "\n".join(rows) + "\n"
 
 
@@ -119,7 +121,7 @@ def _scalar(x: Any) -> str:
     return _quoted(x) if isinstance(x, str) else number_text(x)
 
 
-def _entries(element: Wire | Mast | SteadyArm | StitchWire) -> list[tuple[str, Any]]:
+def _entries(element: Wire | Mast | SteadyArm | StitchWire | PointMass) -> list[tuple[str, Any]]:
     """Return names and values of an element, without what is empty or nothing."""
     every = [(field.name, getattr(element, field.name)) for field in fields(element)]
     return [(key, x) for key, x in every if x != "" and (key, x) != ("stiffness_damping", 0.0)]
@@ -129,5 +131,5 @@ def _mapping(entries: dict[str, Any]) -> str:
     return "{" + ", ".join(f"{key}: {_scalar(x)}" for key, x in entries.items()) + "}"
 
 
-def _flow(entry: Mast | SteadyArm | StitchWire | None) -> str:
+def _flow(entry: Mast | SteadyArm | StitchWire | PointMass | None) -> str:
     return "null" if entry is None else _mapping(dict(_entries(entry)))

@@ -29,6 +29,7 @@ from scipy import sparse
 
 from catenary_model.line import Dropper, Line
 from catenary_model.periodic_beam import PeriodicBeam
+from catenary_model.point_masses import PointMasses, apart, loaded, rising
 from catenary_model.stitched import CARRIER, StitchedCarrier, Strand
 from catenary_model.suspension import Hung, LoadedWire, Shape, Suspension, incidence
 
@@ -37,7 +38,7 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 T = TypeVar("T")
 
-DROPPER, MAST, STEADY_ARM = 0, 1, 2
+DROPPER, MAST, STEADY_ARM, POINT_MASS = 0, 1, 2, 3
 """Kinds of `Sites`."""
 
 _TOLERANCE = 1e-11
@@ -65,13 +66,13 @@ class Sites:
     position: Array
     """Track position in [0, period), m; a mast comes before the steady arm at the same place."""
     kind: Indices
-    """DROPPER, MAST or STEADY_ARM."""
+    """DROPPER, MAST, STEADY_ARM or POINT_MASS."""
     stiffness: Array
     """N/m."""
     carrier_mass: Array
     """Mass that moves with the carrier or stitch wire, kg: a dropper's upper clamp and half of the dropper."""
     contact_mass: Array
-    """Mass that moves with the contact wire, kg: a dropper's lower clamp and half of the dropper, or a steady arm."""
+    """Mass that moves with the contact wire, kg: a dropper's lower clamp and half of it, a steady arm, a point mass."""
     force: Array
     """At rest, N: tension of a dropper (0 is slack), upward force of a mast on the carrier, 0 for an arm."""
     elongation: Array
@@ -260,31 +261,29 @@ def _solve(line: Line) -> Statics:
 def _hung(line: Line, droppers: _Droppers, mast_at: Array) -> Suspension:
     """Both wires with their weights, for the forces of the droppers and of the masts."""
     n, m, P, g = droppers.at.size, mast_at.size, line.period, line.gravity
-    on_carrier, on_contact = -g * droppers.carrier_mass, -g * droppers.contact_mass
-    place = np.concatenate((droppers.at, mast_at))
-    order = np.argsort(place)
-    every = np.arange(n + m)
+    every, masses = np.arange(n + m), PointMasses.of(line)
     signed = sparse.csr_array(sparse.diags_array(np.where(every < n, -1.0, 1.0)))
-    known = np.concatenate((on_carrier, np.zeros(m)))
+    place, known = np.concatenate((droppers.at, mast_at)), np.concatenate((-g * droppers.carrier_mass, np.zeros(m)))
     carrier: Hung
     if line.stitched:
-        hangs = np.concatenate((droppers.stitch, np.full(m, CARRIER)))
-        carrier = StitchedCarrier(line, 1, place, hangs, signed, known, g)
+        loads = apart((place, signed, known), masses.at, -g * masses.carrier)
+        hangs = np.concatenate((droppers.stitch, np.full(loads[0].size - n, CARRIER)))
+        carrier = StitchedCarrier(line, 1, loads[0], hangs, *loads[1:], g)
     else:
-        weight = line.carrier.mass_per_length * g
-        carrier = LoadedWire(line.carrier, P, place[order], signed[order], known[order], weight)
+        loads = rising(loaded((place, signed, known), masses.at, -g * masses.carrier))
+        carrier = LoadedWire(line.carrier, P, *loads, line.carrier.mass_per_length * g)
     up = incidence(n, np.arange(n), np.arange(n), n + m)
-    return Suspension(
-        carrier, LoadedWire(line.contact, P, droppers.at, up, on_contact, line.contact.mass_per_length * g)
-    )
+    loads = (droppers.at, up, -g * droppers.contact_mass)
+    loads = rising(loaded(loads, masses.at, -g * masses.contact)) if masses.at.size else loads
+    return Suspension(carrier, LoadedWire(line.contact, P, *loads, line.contact.mass_per_length * g))
 
 
 def _height_rows(line: Line, hung: Suspension, dropper_at: Array, mast_at: Array) -> tuple[Indices, Indices]:
     """Which load on the carrier belongs to every dropper and mast, and on the contact wire to every dropper."""
     if line.stitched:
-        return np.arange(dropper_at.size + mast_at.size), np.arange(dropper_at.size)
+        return np.arange(dropper_at.size + mast_at.size), np.searchsorted(hung.contact.at, dropper_at)
     on_carrier = np.searchsorted(hung.carrier.at, np.concatenate((dropper_at, mast_at)))
-    return on_carrier, np.arange(dropper_at.size)
+    return on_carrier, np.searchsorted(hung.contact.at, dropper_at)
 
 
 def one_sided(try_out: Callable[[Flags], tuple[T, Array]], taut: Flags) -> tuple[Flags, T]:
@@ -341,13 +340,15 @@ def _sites(
     line: Line, droppers: _Droppers, mast_at: Array, force: Array, mast: Array, elongation: Array, length: Array
 ) -> Sites:
     arms = [(at, span.steady_arm) for at, span in zip(mast_at, line.spans, strict=True) if span.steady_arm is not None]
-    n, m, a = droppers.at.size, mast_at.size, len(arms)
-    position = np.concatenate((droppers.at, mast_at, [at for at, _ in arms]))
-    kind = np.repeat(np.array([DROPPER, MAST, STEADY_ARM], dtype=np.int64), (n, m, a))
+    masses = PointMasses.of(line)
+    n, m, a, p = droppers.at.size, mast_at.size, len(arms), masses.at.size
+    position = np.concatenate((droppers.at, mast_at, [at for at, _ in arms], masses.at))
+    kind = np.repeat(np.array([DROPPER, MAST, STEADY_ARM, POINT_MASS], dtype=np.int64), (n, m, a, p))
     order = np.lexsort((kind, position))
 
-    def column(of_droppers: Array, of_masts: Array, of_arms: list[float]) -> Array:
-        return np.concatenate((of_droppers, of_masts, of_arms))[order]
+    def column(of_droppers: Array, of_masts: Array, of_arms: list[float], of_masses: Array | None = None) -> Array:
+        rest = np.zeros(p) if of_masses is None else of_masses
+        return np.concatenate((of_droppers, of_masts, of_arms, rest))[order]
 
     none, no_arms = np.zeros(m), [0.0] * a
     return Sites(
@@ -358,10 +359,10 @@ def _sites(
             np.array([span.mast.stiffness for span in line.spans]),
             [arm.stiffness for _, arm in arms],
         ),
-        carrier_mass=column(droppers.carrier_mass, none, no_arms),
-        contact_mass=column(droppers.contact_mass, none, [arm.mass for _, arm in arms]),
+        carrier_mass=column(droppers.carrier_mass, none, no_arms, masses.carrier),
+        contact_mass=column(droppers.contact_mass, none, [arm.mass for _, arm in arms], masses.contact),
         force=column(force, mast, no_arms),
         elongation=column(elongation, none, no_arms),
         length=column(length, none, no_arms),
-        stitch=np.concatenate((droppers.stitch, np.full(m + a, CARRIER)))[order],
+        stitch=np.concatenate((droppers.stitch, np.full(m + a + p, CARRIER)))[order],
     )

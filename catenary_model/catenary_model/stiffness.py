@@ -80,13 +80,13 @@ class PushedLine:
     def _build(self, copies: int) -> None:
         """Assemble the system for a domain of so many periods."""
         line, sites = self.rest.line, self.rest.sites
-        used = (sites.kind != STEADY_ARM) | (sites.stiffness > 0.0)
+        used = sites.stiffness > 0.0  # neither arms without a stiffness nor point masses
         starts = line.period * np.arange(copies)[:, None]
         position = (starts + sites.position[used]).ravel()
-        kind, k, rest_force, rest_stretch, stitch = (
-            np.tile(column[used], copies)
-            for column in (sites.kind, sites.stiffness, sites.force, sites.elongation, sites.stitch)
+        k, rest_force, rest_stretch = (
+            np.tile(column[used], copies) for column in (sites.stiffness, sites.force, sites.elongation)
         )
+        kind, stitch = (np.tile(column[used], copies) for column in (sites.kind, sites.stitch))
         self.length = copies * line.period
         # forces are numbered as the sites; what counts is what they change from rest
         drop, count = kind == DROPPER, kind.size

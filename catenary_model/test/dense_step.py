@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from catenary_model import elements, lattice
 from catenary_model.model import Catenary
 from catenary_model.moving_frame import dense
-from catenary_model.statics import DROPPER, MAST
+from catenary_model.statics import DROPPER, MAST, POINT_MASS
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,10 @@ def sites_at(catenary: Catenary, zeta: float) -> list[Site]:
             local = [float(np.interp(xi, np.linspace(0, 1, LOCAL_SAMPLES + 1), row)) for row in missing]
             kind, k, sites = rest.sites.kind[i], rest.sites.stiffness[i], rest.sites
             masses = sites.carrier_mass[i], sites.contact_mass[i]
-            if kind == DROPPER:
+            if kind == POINT_MASS:
+                for wire in np.flatnonzero(masses).tolist():
+                    found.append(Site((period, i, wire), on_wire[wire], fade, 0.0, masses[wire], 0.0, 0.0, 0.0, False))
+            elif kind == DROPPER:
                 g = on_wire[0] - on_wire[1]
                 F_s, stretch = rest.sites.force[i], rest.sites.elongation[i]
                 found.append(Site((period, i, -1), g, fade, k, 0.0, F_s, stretch, local[0] + local[1], True))

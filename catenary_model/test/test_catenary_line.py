@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from catenary_model import statics
 from catenary_model.build import Config
-from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm, Wire
+from catenary_model.line import Dropper, Line, Mast, PointMass, Span, SteadyArm, Wire
 from catenary_model.line_file import LineFileError, dump_line, load_line, parse_line, preset_names
 
 TEXT = """
@@ -150,6 +150,22 @@ def test_elements_as_they_are_built_and_where_they_come_from() -> None:
     assert (again.source, again.spans[2].droppers[2].source) == (line.source, "a drawing, B")
 
 
+def test_point_masses_come_and_go() -> None:
+    text = changed(
+        "pre_sag: 0.0\n", "pre_sag: 0.0\n    masses: [{position: 9, wire: carrier, mass: 1.5, source: weighed}]\n"
+    )
+    line = parse_line(text)
+    assert line.spans[2].masses == (PointMass(9.0, "carrier", 1.5),)
+    again = parse_line(dump_line(line))
+    assert again == dataclasses.replace(line) and again.spans[2].masses[0].source == "weighed"
+    with pytest.raises(ValueError, match=r"masses\[0\]\.position = 60: allowed is less than length = 60 m"):
+        Span(60.0, (Dropper(30.0),), masses=(PointMass(60.0, "carrier", 1.0),))
+    with pytest.raises(ValueError, match=r"masses\[0\]\.wire = contact: allowed in a span with droppers only"):
+        Span(60.0, (), masses=(PointMass(30.0, "contact", 1.0),))
+    with pytest.raises(ValueError, match="wire = 'stitch': allowed is one of carrier, contact"):
+        PointMass(30.0, "stitch", 1.0)
+
+
 def test_rayleigh_damping_in_proportion_to_mass_is_viscous() -> None:
     text = changed("damping: 0.6", "damping: 0.5, mass_damping: 0.0125, stiffness_damping: 1e-4")
     line = parse_line(text)
@@ -261,6 +277,16 @@ REFUSALS = [
     ),
     ("mass: 0}", "contact_clamp: -1}", r"spans\[1\]\.droppers\[4\]\.contact_clamp = -1: allowed is .* 0 to 50 kg"),
     ("stiffness: 4e5}", "source: 7}", r"spans\[1\]\.mast\.source = 7: allowed is a text"),
+    (
+        "pre_sag: 0.0\n",
+        "pre_sag: 0.0\n    masses: [{position: 61, wire: contact, mass: 1}]\n",
+        r"spans\[1\]\.masses\[0\]\.position = 61: allowed is more than 0 m \(the mast\) and less than 60 m",
+    ),
+    (
+        "pre_sag: 0.0\n",
+        "pre_sag: 0.0\n    masses: [{position: 9, wire: stitch, mass: 1}]\n",
+        r"spans\[1\]\.masses\[0\]\.wire = 'stitch': allowed is one of carrier, contact",
+    ),
     ("spans:", "spans: []\nspan:", r"spans: allowed is a list of at least one"),
     ("spans:", "name: 7\nspans:", r"name = 7: allowed is a text"),
     ("spans:", "gravity: 30\nspans:", r"gravity = 30: allowed is a number from 0 to 20 m/s\^2"),

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from odd_lines import uneven_line, with_lengths
 
 from catenary_model import statics
-from catenary_model.line import DROPPERS_3_1, Dropper, Line, Mast, Span, SteadyArm, Wire
-from catenary_model.statics import DROPPER, MAST, STEADY_ARM, Statics, StaticsError
+from catenary_model.line import DROPPERS_3_1, Dropper, Line, Mast, PointMass, Span, SteadyArm, Wire
+from catenary_model.statics import DROPPER, MAST, POINT_MASS, STEADY_ARM, Statics, StaticsError
+from catenary_model.stiffness import PushedLine
 
 Array = NDArray[np.float64]
 
@@ -148,6 +149,40 @@ def test_ropes_are_cut_to_the_lengths_that_come_out() -> None:
 def test_a_line_without_ropes_is_built_as_it_is() -> None:
     line = uneven_line()
     assert statics.built(line) is line
+
+
+# ---- point masses -------------------------------------------------------------------------------------------------
+
+
+def test_point_masses_hang_on_their_wires() -> None:
+    """Weights are carried to the last newton; a mass in mid-gap bends the wire by what a string says, less bending."""
+    masses = (PointMass(26.75, "contact", 4.0), PointMass(40.0, "carrier", 7.0), PointMass(30.0, "contact", 2.0))
+    line = Line(spans=(dataclasses.replace(SPAN, masses=masses),))
+    rest = statics.solve(line)
+    g = line.gravity
+    assert rest.dropper_forces.sum() == pytest.approx(g * (1.35 * 60.0 + 6.0), rel=1e-12)
+    assert rest.sites.force[rest.sites.kind == MAST].sum() == pytest.approx(g * (2.42 * 60.0 + 13.0), rel=1e-12)
+    np.testing.assert_allclose(rest.contact(AT), 0.0, atol=1e-12)
+    # 2 kg at the dropper of 30 m pull on it alone; 4 kg half-way between two clamps 6.5 m apart
+    sag = REST.contact(np.array([26.75]))[0] - rest.contact(np.array([26.75]))[0]
+    assert 0.85 * 4.0 * g * 6.5 / (4 * 20e3) < sag < 4.0 * g * 6.5 / (4 * 20e3)
+    assert rest.dropper_forces[4] - REST.dropper_forces[4] == pytest.approx(g * 4.0, rel=0.1)
+    kinds = rest.sites.kind == POINT_MASS
+    assert rest.sites.position[kinds].tolist() == [26.75, 30.0, 40.0]
+    assert rest.sites.carrier_mass[kinds].tolist() == [0.0, 0.0, 7.0]
+    assert rest.sites.contact_mass[kinds].tolist() == [4.0, 2.0, 0.0]
+
+
+def test_a_point_mass_at_a_dropper_is_a_clamp() -> None:
+    clamped = tuple(dataclasses.replace(d, contact_clamp=1.5 * (i == 3)) for i, d in enumerate(SPAN.droppers))
+    clamp = statics.solve(Line(spans=(dataclasses.replace(SPAN, droppers=clamped),)))
+    mass = (PointMass(SPAN.droppers[3].position, "contact", 1.5),)
+    point = statics.solve(Line(spans=(dataclasses.replace(SPAN, masses=mass),)))
+    np.testing.assert_allclose(point.dropper_forces, clamp.dropper_forces, rtol=1e-12)
+    np.testing.assert_allclose(point.dropper_lengths, clamp.dropper_lengths, atol=1e-12)
+    np.testing.assert_allclose(
+        PushedLine(point).uplift(np.array([0.0, 30.0]), 100.0), PushedLine(clamp).uplift(np.array([0.0, 30.0]), 100.0)
+    )
 
 
 # ---- laws ---------------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from catenary_model import boundary, layout, model, sites
 from catenary_model.boundary import Feedback, Layer
-from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm
+from catenary_model.line import Dropper, Line, Mast, PointMass, Span, SteadyArm
 from catenary_model.line_file import load_line, preset_names
 from catenary_model.model import Catenary, Config
 from catenary_model.moving_frame import MovingFrame
@@ -123,7 +123,8 @@ def test_kernel_with_masses_equals_dense_reference() -> None:
     spans = tuple(
         dataclasses.replace(
             span,
-            droppers=tuple(dataclasses.replace(d, mass=0.6) for d in span.droppers),
+            droppers=tuple(dataclasses.replace(d, mass=0.6, contact_clamp=0.2) for d in span.droppers),
+            masses=(PointMass(7.0, "contact", 1.5), PointMass(13.0, "carrier", 3.0)),
             steady_arm=SteadyArm(500.0, 1.5),
         )
         for span in SHORT.spans

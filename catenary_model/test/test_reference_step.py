@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from catenary_model import elements
-from catenary_model.line import Dropper, Line, Mast, Span, SteadyArm
+from catenary_model.line import Dropper, Line, Mast, PointMass, Span, SteadyArm
 from catenary_model.reference import Config, Pantograph, Reference, model, step
 from catenary_model.reference.ride import Ride
-from catenary_model.statics import DROPPER, MAST
+from catenary_model.statics import DROPPER, MAST, POINT_MASS
 
 TS = 1e-3
 LINE = Line(
@@ -34,6 +34,8 @@ RAYLEIGH = dataclasses.replace(
     contact=dataclasses.replace(LINE.contact, stiffness_damping=1e-4),
 )
 """Damping in proportion to stiffness, b omega/2 of critical: for the carrier twenty times the usual 1e-4 s."""
+MASSES = (PointMass(11.3, "contact", 2.0), PointMass(14.0, "carrier", 3.0), PointMass(16.2, "carrier", 0.7))
+LOADED = dataclasses.replace(LINE, spans=(*LINE.spans[:-1], dataclasses.replace(LINE.spans[-1], masses=MASSES)))
 
 
 class DenseRide:
@@ -61,8 +63,9 @@ class DenseRide:
         s = reference.sites
         for i, zeta in enumerate(s.position):
             ca, co = self.shape(zeta, 0), self.shape(zeta, 1)
-            if s.kind[i] == DROPPER:
-                self.springs.append((s.stiffness[i], ca - co, (ca - co) @ W - s.elongation[i]))
+            if s.kind[i] in (DROPPER, POINT_MASS):
+                if s.kind[i] == DROPPER:
+                    self.springs.append((s.stiffness[i], ca - co, (ca - co) @ W - s.elongation[i]))
                 for g, mass in ((ca, s.carrier_mass[i]), (co, s.contact_mass[i])):
                     M += mass * np.outer(g, g)
                     f -= mass * line.gravity * g
@@ -139,7 +142,13 @@ class DenseRide:
 
 @pytest.mark.parametrize(
     ("ends", "line"),
-    [("matched_dashpot", LINE), ("clamped", LINE), ("matched_dashpot", RAYLEIGH), ("clamped", RAYLEIGH)],
+    [
+        ("matched_dashpot", LINE),
+        ("clamped", LINE),
+        ("matched_dashpot", RAYLEIGH),
+        ("clamped", RAYLEIGH),
+        ("matched_dashpot", LOADED),
+    ],
 )
 @pytest.mark.slow
 def test_ride_equals_dense_system(ends: str, line: Line) -> None:

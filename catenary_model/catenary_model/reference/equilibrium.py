@@ -27,7 +27,7 @@ from scipy.sparse import linalg
 from catenary_model import elements
 from catenary_model.line import Line
 from catenary_model.reference.mesh import TrackMesh
-from catenary_model.statics import DROPPER, MAST, Sites, Statics
+from catenary_model.statics import DROPPER, MAST, POINT_MASS, Sites, Statics
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -84,7 +84,7 @@ def incidence(mesh: TrackMesh, position: Array, carrier: Array, contact: Array) 
 
 
 def weight(line: Line, mesh: TrackMesh, sites: Sites) -> Array:
-    """Nodal forces and moments of gravity, (4 nodes,): wires and droppers; steady arms carry themselves.
+    """Nodal forces and moments of gravity, (4 nodes,): wires, droppers, point masses; steady arms carry themselves.
 
     Without any dropper the contact wire hangs from nothing, its weight is left out as in `statics`.
     """
@@ -97,11 +97,12 @@ def weight(line: Line, mesh: TrackMesh, sites: Sites) -> Array:
         load = -wire.mass_per_length * line.gravity * consistent
         f[:-1, 2 * which : 2 * which + 2] += load[:2]
         f[1:, 2 * which : 2 * which + 2] += load[2:]
-    ones, none = np.ones(int(droppers.sum())), np.zeros(int(droppers.sum()))
+    loaded = droppers | (sites.kind == POINT_MASS)
+    ones, none = np.ones(int(loaded.sum())), np.zeros(int(loaded.sum()))
     total = f.ravel()
     for on_carrier, on_contact, mass in ((ones, none, sites.carrier_mass), (none, ones, sites.contact_mass)):
-        clamps = incidence(mesh, sites.position[droppers], on_carrier, on_contact)
-        total = total - clamps.T @ (line.gravity * mass[droppers])
+        clamps = incidence(mesh, sites.position[loaded], on_carrier, on_contact)
+        total = total - clamps.T @ (line.gravity * mass[loaded])
     return np.asarray(total)
 
 

@@ -21,7 +21,7 @@ from catenary_model.line import Line, Wire
 from catenary_model.reference.equilibrium import Equilibrium
 from catenary_model.reference.mesh import TrackMesh
 from catenary_model.reference.wires import BETA, GAMMA, TS, Wires, solve
-from catenary_model.statics import DROPPER, MAST, STEADY_ARM, Sites
+from catenary_model.statics import DROPPER, MAST, POINT_MASS, STEADY_ARM, Sites
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -89,6 +89,7 @@ def _drafts(line: Line, mesh: TrackMesh, sites: Sites, rest: Equilibrium, ends: 
         if sites.kind[i] == DROPPER:
             at_rest = (float(rest.elongation[i]), float(rest.force[i]))
             drafts.append(_Draft(zeta, 1.0, -1.0, k, 0.0, 0.0, at_rest, False))
+        if sites.kind[i] in (DROPPER, POINT_MASS):
             for m, ca in zip(masses, (1.0, 0.0), strict=True):
                 if m > 0.0:
                     drafts.append(_Draft(zeta, ca, 1.0 - ca, 0.0, 0.0, m, None, False))
