@@ -21,7 +21,6 @@ from catenary_model import (
     coupled,
     lattice,
     layout,
-    pantograph,
     reduced,
     sites,
     statics,
@@ -32,7 +31,7 @@ from catenary_model import (
 from catenary_model.boundary import Feedback, impose
 from catenary_model.config import Config
 from catenary_model.moving_frame import MovingFrame, assemble, highest_frequency, local_mass
-from catenary_model.observed import Observed, rewind
+from catenary_model.observed import Observed, Scheme
 from catenary_model.site_table import site_table
 
 __all__ = ["Catenary", "Config", "check_stability", "site_table"]
@@ -101,6 +100,8 @@ class Catenary(Observed):
     >>> 0.01 < catenary.w_cat < 0.1
     True
     """
+
+    scheme = Scheme(step.start, step.cycle, coupled.run, coupled.push)
 
     def __init__(self, config: Config) -> None:
         """Build everything and go to rest at the start position. Raises ValueError for what cannot be built."""
@@ -211,16 +212,6 @@ class Catenary(Observed):
             seats=self._beside.seats,
         )
 
-    def reset(self) -> None:
-        """Go back to rest at the start position, cycle 0; no external load."""
-        rewind(self.state, len(self.constants.site), self.config, self.mesh)
-        companions.begin(self.config.companions, self.constants, self.state)
-        step.start(self.constants, self.state)
-
-    def step(self, f_cat: float) -> None:
-        """Advance one cycle with the contact force f_cat (N, up positive) as the force of the new instant."""
-        step.cycle(*self._packed, f_cat)
-
     @property
     def local_compliance(self) -> float:
         """What the mesh lacks in compliance under the contact force, dC in m/N: part of `w_cat`."""
@@ -246,13 +237,3 @@ class Catenary(Observed):
     def rider_newmark(self) -> tuple[float, float]:
         """Newmark's beta and gamma for a pantograph that rides on this wire."""
         return self.config.newmark_beta, self.config.newmark_gamma
-
-    def ride_on(
-        self, constants: pantograph.Constants, state: pantograph.State, soft_start: float, held: float, out: Array
-    ) -> None:
-        """Ride as many cycles as `out` has rows, see `coupled.run`."""
-        coupled.run(self.constants, self.state, constants, state, soft_start, held, out)
-
-    def push_on(self, force: Array, out: Array) -> None:
-        """Advance one cycle a given force (N), see `coupled.push`."""
-        coupled.push(self.constants, self.state, force, out)

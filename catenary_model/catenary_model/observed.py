@@ -5,13 +5,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model import layout, pantograph, wire_view
+from catenary_model import companions, layout, pantograph, wire_view
 from catenary_model.config import Config
 from catenary_model.moving_frame import Mesh
 from catenary_model.reduced import ReducedModel
@@ -104,11 +104,48 @@ def rewind(state: _State, sites: int, config: Config, mesh: Mesh) -> None:
     state.counter[layout.FIRST_SITE] = state.counter[layout.NEXT_SITE] = behind * sites
 
 
+class Scheme(NamedTuple):
+    """Compiled functions of a discretisation."""
+
+    start: Callable[..., None]
+    """Of both bundles: list the sites for the present instant and observe it."""
+    cycle: Callable[..., None]
+    """Of a packed arena and a force, see `cycle.cycles`."""
+    run: Callable[..., None]
+    """See `coupled.run`."""
+    push: Callable[..., None]
+    """See `coupled.push_by`."""
+
+
 class Observed:
-    """Public members that only look at the arrays which all models have."""
+    """What all models do with the arrays that they have, and public members that only look at these."""
 
     config: Config
-    state: _State
+    mesh: Mesh
+    scheme: ClassVar[Scheme]
+    constants: Any
+    state: Any
+    _packed: list[Any]
+
+    def reset(self) -> None:
+        """Go back to rest at the start position, cycle 0; no external load."""
+        rewind(self.state, len(self.constants.site), self.config, self.mesh)
+        companions.begin(self.config.companions, self.constants, self.state)
+        self.scheme.start(self.constants, self.state)
+
+    def step(self, f_cat: float) -> None:
+        """Advance one cycle with the contact force f_cat (N, up positive) as the force of the new instant."""
+        self.scheme.cycle(*self._packed, f_cat)
+
+    def ride_on(
+        self, constants: pantograph.Constants, state: pantograph.State, soft_start: float, held: float, out: Array
+    ) -> None:
+        """Ride as many cycles as `out` has rows, see `coupled.run`."""
+        self.scheme.run(self.constants, self.state, constants, state, soft_start, held, out)
+
+    def push_on(self, force: Array, out: Array) -> None:
+        """Advance one cycle a given force (N)."""
+        self.scheme.push(self.constants, self.state, force, out)
 
     @property
     def cycle(self) -> int:

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary_model import arena, companions, lattice, layout, pantograph, reduced, sites, statics, wire_view
+from catenary_model import arena, companions, lattice, layout, reduced, sites, statics, wire_view
 from catenary_model.absorbing import Stencil
 from catenary_model.absorbing.moving_beam import moving_beam, shift
 from catenary_model.config import Config
@@ -19,7 +19,7 @@ from catenary_model.finite_difference import coupled, ends, grid, step, wires
 from catenary_model.finite_difference import layout as own
 from catenary_model.line import Wire
 from catenary_model.moving_frame import CONTACT, Mesh, refuse_fast
-from catenary_model.observed import Observed, rewind
+from catenary_model.observed import Observed, Scheme
 from catenary_model.site_table import site_table
 
 Array = NDArray[np.float64]
@@ -109,6 +109,8 @@ class Catenary(Observed):
     >>> 0.01 < catenary.w_cat < 0.1
     True
     """
+
+    scheme = Scheme(step.start, step.cycle, coupled.run, coupled.push)
 
     def __init__(self, config: Config) -> None:
         """Build everything and go to rest at the start position. Raises ValueError for what cannot be built."""
@@ -229,16 +231,6 @@ class Catenary(Observed):
             seats=self._beside.seats,
         )
 
-    def reset(self) -> None:
-        """Go back to rest at the start position, cycle 0; no external load."""
-        rewind(self.state, len(self.constants.site), self.config, self.mesh)
-        companions.begin(self.config.companions, self.constants, self.state)
-        step.start(self.constants, self.state)
-
-    def step(self, f_cat: float) -> None:
-        """Advance one cycle with the contact force f_cat (N, up positive) as the force of the new instant."""
-        step.cycle(*self._packed, f_cat)
-
     @property
     def local_compliance(self) -> float:
         """What the *reduced* model's elements lack in compliance under the contact force, dC in m/N."""
@@ -269,13 +261,3 @@ class Catenary(Observed):
     def rider_newmark(self) -> tuple[float, float]:
         """Newmark's beta and gamma for a pantograph that rides on this wire."""
         return RIDER_NEWMARK
-
-    def ride_on(
-        self, constants: pantograph.Constants, state: pantograph.State, soft_start: float, held: float, out: Array
-    ) -> None:
-        """Ride as many cycles as `out` has rows, see `coupled.run`."""
-        coupled.run(self.constants, self.state, constants, state, soft_start, held, out)
-
-    def push_on(self, force: Array, out: Array) -> None:
-        """Advance one cycle a given force (N), see `coupled.push`."""
-        coupled.push(self.constants, self.state, force, out)
