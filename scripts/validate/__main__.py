@@ -17,6 +17,7 @@ NAMES = {
     "statics": ("validate.statics", "elasticity of the line: a static push by all models, every preset"),
     "reference": ("validate.reference", "convergence and speed of the catenary-fixed reference"),
     "speed": ("validate.speed", "the reference at a speed that changes: start, cruise, brake"),
+    "pantographs": ("validate.pantographs", "two pantographs of one train: what the trailing one meets of the other"),
     "absorption": ("validate.absorption", "what the ends send back: wave packets, every kind, both directions"),
     "realtime": ("validate.realtime", "the real-time model against the catenary-fixed reference"),
     "fd-abc": ("validate.fd_abc", "absorbing boundaries by optimisation: a beam, and waves in two dimensions"),

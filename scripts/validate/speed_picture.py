@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-matplotlib.use("Agg")
-from matplotlib import pyplot
+from phil_study.drawing import save, subplots
 
 Array = NDArray[np.float64]
 
@@ -31,7 +29,7 @@ class Journey(NamedTuple):
 
 def draw(journey: Journey, path: Path) -> None:
     """Draw the three, one above the other."""
-    figure, axes = pyplot.subplots(3, 1, figsize=(10, 8), sharex=True, layout="constrained")
+    figure, axes = subplots(3, 1, figsize=(10, 8), sharex=True, layout="constrained")
     axes[0].plot(journey.t, 3.6 * journey.speed, color="k", lw=1.2)
     axes[0].set(ylabel="speed in km/h")
     axes[1].plot(journey.t, journey.force, lw=0.8)
@@ -42,5 +40,4 @@ def draw(journey: Journey, path: Path) -> None:
     axes[2].legend(fontsize=8, ncols=3)
     for axis in axes:
         axis.grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
+    save(figure, path)
