@@ -19,19 +19,22 @@ from numpy.typing import NDArray
 
 from catenary_model import pantograph
 from catenary_model.cycle import soft_start_share, track_position
-from catenary_model.layout import STEPS
 from catenary_model.pantograph import Pantograph
 from phil_base.kernels import njit
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
-AT, SPRING, SOFT_START, NODE = range(4)
+AT, SPRING, SOFT_START, NODE, MASSES, REAL = range(6)
 """Columns of `Constants.beside`: place x (m), spring in series with the head's answer within a step (N/m), time in
-which the uplift comes up (s), node of the grid (fd)."""
-PLACE, FORCE, HEIGHT, LOST, HEAD, TOUCH, STATIC = range(7)
+which the uplift comes up (s), node of the grid (fd), number n of masses, and from REAL on `pantograph.Constants`: its
+real, uplift, damping, stiffness, inverse."""
+UPLIFT = REAL + 4
+PLACE, FORCE, HEIGHT, LOST, HEAD, TOUCH, STATIC, SEAT, MOTION = range(9)
 """Columns of `State.aside`: place x (m), contact force (N), height of the contact point (m), time without contact since
-the uplift is up (s); within a step: free height of the head over the static wire (m), contact, static height (m)."""
+the uplift is up (s); within a step: free height of the head over the static wire (m), contact, static height (m), site;
+from MOTION on `pantograph.State`: its y and predicted."""
+
+# All is in few arrays: each one more in the bundles makes every call that hands these on longer.
 
 
 @dataclass(frozen=True)
@@ -55,14 +58,8 @@ class Bundle(NamedTuple):
     """What the companions add to a model's constants and to its state, see `layout`."""
 
     beside: Array
-    numbers: Array
-    chains: Array
-    lifts: Array
     riders: Array
-    rows: Ints
     aside: Array
-    masses: Array
-    seats: Ints
 
 
 def bundle(
@@ -74,28 +71,17 @@ def bundle(
     """
     count = len(several)
     n = max((one.pantograph.uplift.size for one in several), default=1)
-    beside, numbers = np.zeros((count, 4)), np.zeros((count, 4))
-    chains, lifts = np.zeros((count, 3, n, n)), np.zeros((count, n))
-    for r, one in enumerate(several):
+    beside = np.zeros((count, UPLIFT + n + 3 * n * n))
+    for row, one in zip(beside, several, strict=True):
         own = pantograph.constants(padded(one.pantograph, n), ts, *newmark)
-        numbers[r] = own.real
-        chains[r, 0], chains[r, 1], chains[r, 2], lifts[r] = own.damping, own.stiffness, own.inverse, own.uplift
         head = newmark[0] * ts * ts * own.inverse[n - 1, n - 1]
         series = own.real[pantograph.CONTACT_COMPLIANCE] + head + local
-        beside[r] = -one.distance, 1.0 / series, one.soft_start, middle + round(-one.distance / spacing)
+        row[:REAL] = -one.distance, 1.0 / series, one.soft_start, middle + round(-one.distance / spacing), n
+        matrices = (own.damping.ravel(), own.stiffness.ravel(), own.inverse.ravel())
+        row[REAL:] = np.concatenate([own.real, own.uplift, *matrices])
     places = np.concatenate([[0.0], beside[:, AT]])
     order = np.argsort(places, kind="stable")
-    return Bundle(
-        beside=beside,
-        numbers=numbers,
-        chains=chains,
-        lifts=lifts,
-        riders=places[order],
-        rows=-1 - order.astype(np.int64),
-        aside=np.zeros((count, 7)),
-        masses=np.zeros((count, 2, 3, n)),
-        seats=np.zeros(1 + count, dtype=np.int64),
-    )
+    return Bundle(beside, np.stack([places[order], -1.0 - order]), np.zeros((count, MOTION + 6 * n)))
 
 
 def padded(rider: Pantograph, n: int) -> Pantograph:
@@ -111,15 +97,19 @@ def padded(rider: Pantograph, n: int) -> Pantograph:
     return Pantograph(mass, damping, stiffness, uplift, rider.contact_stiffness)
 
 
+def motion(row: Array, n: int) -> Array:
+    """Give displacement (m), velocity and acceleration of the n masses of a companion, (3, n), a view of its row."""
+    return row[MOTION : MOTION + 3 * n].reshape(3, n)
+
+
 def begin(several: Sequence[Companion], c: Any, s: Any) -> None:
     """Put all masses at the height of the static wire, for cycle 0."""
     zeta = float(track_position(c, s))
-    n = s.masses.shape[3]
-    for r, one in enumerate(several):
-        height = float(static_height(c.static, float(c.real["period"]), zeta + c.beside[r, AT]))
-        own = one.pantograph.uplift.size
-        s.masses[r, 0, :, n - own :] = pantograph.at_rest(one.pantograph, height).y
-        s.aside[r, PLACE], s.aside[r, HEIGHT] = c.beside[r, AT], height
+    for row, known, one in zip(s.aside, c.beside, several, strict=True):
+        height = float(static_height(c.static, float(c.real["period"]), zeta + known[AT]))
+        n, own = int(known[MASSES]), one.pantograph.uplift.size
+        motion(row, n)[:, n - own :] = pantograph.at_rest(one.pantograph, height).y
+        row[PLACE], row[HEIGHT] = known[AT], height
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -133,29 +123,65 @@ def static_height(static: Array, period: float, zeta: float) -> float:
 
 
 @njit(cache=True, fastmath=False)
-def lift(c: Any, s: Any) -> None:
-    """Move all companions to the new instant as if there were no contact; where their heads would be is in HEAD."""
-    t = c.real.ts * s.counter[STEPS]
-    zeta = track_position(c, s)
-    for r in range(c.beside.shape[0]):
-        chain = pantograph.Constants(c.numbers[r], c.chains[r, 0], c.chains[r, 1], c.chains[r, 2], c.lifts[r])
-        state = pantograph.State(s.masses[r, 0], s.masses[r, 1])
-        head = pantograph.free(chain, state, soft_start_share(t, c.beside[r, SOFT_START]))
-        static = static_height(c.static, c.real.period, zeta + c.beside[r, AT])
-        s.aside[r, HEAD], s.aside[r, STATIC] = head - static, static
+def chain(row: Array) -> pantograph.Constants:
+    """Put the constants of a companion together from its row of `Constants.beside`."""
+    n = int(row[MASSES])
+    d = UPLIFT + n
+    k, i, end = d + n * n, d + 2 * n * n, d + 3 * n * n
+    matrices = row[d:k].reshape((n, n)), row[k:i].reshape((n, n)), row[i:end].reshape((n, n))
+    return pantograph.Constants(row[REAL:UPLIFT], matrices[0], matrices[1], matrices[2], row[UPLIFT:d])
 
 
 @njit(cache=True, fastmath=False)
-def press(c: Any, s: Any, r: int, force: float) -> None:
-    """Complete the step of companion r with its contact force (N)."""
-    chain = pantograph.Constants(c.numbers[r], c.chains[r, 0], c.chains[r, 1], c.chains[r, 2], c.lifts[r])
-    pantograph.finish(chain, pantograph.State(s.masses[r, 0], s.masses[r, 1]), force)
-    s.aside[r, FORCE] = force
-    if force <= 0.0 and c.real.ts * s.counter[STEPS] > c.beside[r, SOFT_START]:
-        s.aside[r, LOST] += c.real.ts
+def masses(row: Array, n: int) -> pantograph.State:
+    """Put the state of a companion of n masses together from its row of `State.aside`."""
+    half, end = MOTION + 3 * n, MOTION + 6 * n
+    return pantograph.State(row[MOTION:half].reshape((3, n)), row[half:end].reshape((3, n)))
 
 
 @njit(cache=True, fastmath=False)
-def note_height(c: Any, s: Any, r: int, deviation: float) -> None:
-    """Note the height of the contact point of companion r for the wire's deviation there (m)."""
-    s.aside[r, HEIGHT] = s.aside[r, STATIC] + deviation + c.real.compliance * s.aside[r, FORCE]
+def lift(beside: Array, aside: Array, static: Array, period: float, t: float, zeta: float) -> None:
+    """Move all companions to the instant t (s) as if there were no contact; where their heads would be is in HEAD."""
+    for r in range(beside.shape[0]):
+        share = soft_start_share(t, beside[r, SOFT_START])
+        head = pantograph.free(chain(beside[r]), masses(aside[r], int(beside[r, MASSES])), share)
+        height = static_height(static, period, zeta + beside[r, AT])
+        aside[r, HEAD], aside[r, STATIC] = head - height, height
+
+
+@njit(cache=True, fastmath=False)
+def press(known: Array, row: Array, force: float, deviation: float, local: float, t: float, ts: float) -> None:
+    """Complete the step of one companion to the instant t (s) with its contact force (N).
+
+    ``deviation`` is the wire's there (m), ``local`` what the mesh lacks in compliance (m/N), ``ts`` the step (s).
+    """
+    pantograph.finish(chain(known), masses(row, int(known[MASSES])), force)
+    row[FORCE] = force
+    row[HEIGHT] = row[STATIC] + deviation + local * force
+    if force <= 0.0 and t > known[SOFT_START]:
+        row[LOST] += ts
+
+
+@njit(cache=True, fastmath=False)
+def meet(beside: Array, aside: Array, w: Array, local: float, t: float, ts: float) -> None:
+    """Complete the step of all companions on a grid whose deviation of the instant t (s) is known, w (nodes,) in m.
+
+    From y_free - c_p F = w + C F (`pantograph`), both compliances in the spring's.
+    """
+    for r in range(beside.shape[0]):
+        deviation = w[int(beside[r, NODE])]
+        force = max(0.0, beside[r, SPRING] * (aside[r, HEAD] - deviation))
+        press(beside[r], aside[r], force, deviation, local, t, ts)
+
+
+@njit(cache=True, fastmath=False)
+def give(beside: Array, aside: Array, new: Array, carry: Array, per_force: float) -> None:
+    """Add the forces of all companions to the new level of a grid (nodes,), carried on with these weights.
+
+    ``per_force`` is what a newton moves a node by in a step, m/N.
+    """
+    half = carry.size // 2
+    for r in range(beside.shape[0]):
+        node = int(beside[r, NODE])
+        for m in range(carry.size):
+            new[node + half - m] += per_force * carry[m] * aside[r, FORCE]

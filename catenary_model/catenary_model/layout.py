@@ -92,17 +92,10 @@ class Constants(NamedTuple):
     gain: Array4
     """K_ABC transposed, (wire, end, states, inputs), see `boundary.Feedback`; no states: none."""
     beside: Array2
-    """Companions, see `companions.AT`, ..., (companions, 4)."""
-    numbers: Array2
-    """`pantograph.Constants.real` of each companion, (companions, 4)."""
-    chains: Array4
-    """Damping, stiffness and K_DM^-1 of each companion, (companions, 3, n, n)."""
-    lifts: Array2
-    """Constant forces on the masses of each companion, N, (companions, n)."""
-    riders: Array1
-    """Places x of all pantographs, rising, m, (1 + companions,); the one at x = 0 is among them."""
-    rows: Ints1
-    """What stands in `State.where` for each of them: -1 at x = 0, -2 - r companion r, (1 + companions,)."""
+    """Companions, see `companions.AT`, ..., (companions, columns)."""
+    riders: Array2
+    """Places x of all pantographs, rising (m), and what stands for them in `State.where`: -1 at x = 0, -2 - r companion
+    r, (2, pantographs)."""
 
 
 class State(NamedTuple):
@@ -141,8 +134,4 @@ class State(NamedTuple):
     scratch: Array1
     """Work: a few numbers."""
     aside: Array2
-    """Companions, see `companions.PLACE`, ..., (companions, 7)."""
-    masses: Array4
-    """Masses of each companion: `pantograph.State`'s y and predicted, (companions, 2, 3, n)."""
-    seats: Ints1
-    """Work: their sites, the one at x = 0 first, (1 + companions,)."""
+    """Companions, see `companions.PLACE`, ..., (companions, columns)."""

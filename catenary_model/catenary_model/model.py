@@ -175,11 +175,7 @@ class Catenary(Observed):
             segment=self.reduced.compact,
             gain=gains(self.feedback),
             beside=beside.beside,
-            numbers=beside.numbers,
-            chains=beside.chains,
-            lifts=beside.lifts,
             riders=beside.riders,
-            rows=beside.rows,
         )
 
     def _state(self, c: layout.Constants) -> layout.State:
@@ -208,8 +204,6 @@ class Catenary(Observed):
             system=np.zeros((most, band)),
             scratch=np.zeros(6),
             aside=self._beside.aside,
-            masses=self._beside.masses,
-            seats=self._beside.seats,
         )
 
     @property

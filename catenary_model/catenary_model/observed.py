@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,10 @@ from catenary_model.statics import Statics
 Array = NDArray[np.float64]
 
 
+NOBODY: Array = np.zeros((0, companions.MOTION))
+"""Rows of companions where there are none."""
+
+
 class _State(Protocol):
     """Arrays that all models have, see `layout.State`."""
 
@@ -30,8 +34,6 @@ class _State(Protocol):
     def point(self) -> Array: ...
     @property
     def segment(self) -> Array: ...
-    @property
-    def aside(self) -> Array: ...
 
 
 class MovingCatenary(Protocol):
@@ -122,7 +124,7 @@ class Observed:
 
     config: Config
     mesh: Mesh
-    scheme: ClassVar[Scheme]
+    scheme: Scheme
     constants: Any
     state: Any
     _packed: list[Any]
@@ -130,7 +132,8 @@ class Observed:
     def reset(self) -> None:
         """Go back to rest at the start position, cycle 0; no external load."""
         rewind(self.state, len(self.constants.site), self.config, self.mesh)
-        companions.begin(self.config.companions, self.constants, self.state)
+        if self.config.companions:
+            companions.begin(self.config.companions, self.constants, self.state)
         self.scheme.start(self.constants, self.state)
 
     def step(self, f_cat: float) -> None:
@@ -230,4 +233,4 @@ class Observed:
     @property
     def companions(self) -> Array:
         """Companions, a row each, columns `companions.PLACE`, `FORCE`, `HEIGHT`, `LOST`, ...: (n, 7), a view."""
-        return self.state.aside
+        return getattr(self.state, "aside", NOBODY)

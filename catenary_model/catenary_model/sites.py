@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from catenary_model.companions import AT, SPRING
+from catenary_model.companions import AT, SEAT, SPRING
 from catenary_model.companions import HEAD as RIDER_HEAD
 from catenary_model.companions import TOUCH as RIDER_TOUCH
 from catenary_model.layout import (
@@ -75,17 +75,23 @@ from phil_base.kernels import njit
 
 
 @njit(cache=True, fastmath={"contract"})
-def _seat(here: Array, where: Ints, seats: Ints, row: int, i: int) -> None:
+def _seat(counter: Ints, here: Array, where: Ints, aside: Array, row: int, i: int) -> None:
     """Make a pantograph site i: row -1 is the one at x = 0, row -2 - r companion r."""
-    seats[-1 - row] = i
+    if row == -1:
+        counter[CONTACT] = i
+    else:
+        aside[-2 - row, SEAT] = i
     where[SLOT, i], where[ROW, i] = -1, row
     here[SOFT, i] = 0.0
     here[CARRIER, i], here[CONTACT_WIRE, i] = 0.0, -1.0
 
 
 @njit(cache=True, fastmath={"contract"})
-def enlist(c: Constants, s: State, zeta: float) -> None:
-    """Write the list of sites in the domain around track position zeta (m), by rising position, anew."""
+def enlist(c: Constants, s: State, zeta: float, riders: Array, aside: Array) -> None:
+    """Write the list of sites in the domain around track position zeta (m), by rising position, anew.
+
+    ``riders`` are the pantographs among them, see `Constants.riders`; companions find their sites in ``aside``.
+    """
     counter, here, where, site, taut = s.counter, s.here, s.where, c.site, s.taut
     period, n, ring = c.real.period, c.site.shape[0], s.taut.size
     left, right = zeta - c.real.behind, zeta + c.real.ahead
@@ -101,9 +107,9 @@ def enlist(c: Constants, s: State, zeta: float) -> None:
         while True:
             row = j % n
             at = (j // n) * period + site[row, POSITION]
-            while rider < c.riders.size and at >= zeta + c.riders[rider]:
-                _seat(here, where, s.seats, c.rows[rider], i)
-                s.contact[NEXT_CHANGE] = min(s.contact[NEXT_CHANGE], at - c.riders[rider])
+            while rider < riders.shape[1] and at >= zeta + riders[0, rider]:
+                _seat(counter, here, where, aside, int(riders[1, rider]), i)
+                s.contact[NEXT_CHANGE] = min(s.contact[NEXT_CHANGE], at - riders[0, rider])
                 rider += 1
                 i += 1
             if at >= right:
@@ -122,11 +128,11 @@ def enlist(c: Constants, s: State, zeta: float) -> None:
                 droppers += 1
             i += 1
             j += 1
-    while rider < c.riders.size:
-        _seat(here, where, s.seats, c.rows[rider], i)
+    while rider < riders.shape[1]:
+        _seat(counter, here, where, aside, int(riders[1, rider]), i)
         rider += 1
         i += 1
-    counter[CONTACT], counter[DROPPERS], counter[SITES] = s.seats[0], droppers, i
+    counter[DROPPERS], counter[SITES] = droppers, i
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -162,15 +168,15 @@ def _place(real: Any, last: int, local: Array, zeta: float, here: Array, element
 def collect(c: Constants, s: State, zeta: float) -> None:
     """List the sites of the domain around track position zeta (m), the contact point among them."""
     if s.counter[LISTED] == 0 or zeta >= s.contact[NEXT_CHANGE]:
-        enlist(c, s, zeta)
+        enlist(c, s, zeta, c.riders, s.aside)
     contact, n = s.counter[CONTACT], s.counter[SITES]
     s.here[PLACE, contact] = zeta
     for r in range(c.beside.shape[0]):
-        s.here[PLACE, s.seats[1 + r]] = zeta + c.beside[r, AT]
+        s.here[PLACE, int(s.aside[r, SEAT])] = zeta + c.beside[r, AT]
     _place(c.real, c.whole.stations - 2, c.local, zeta, s.here[:, :n], s.where[ELEMENT, :n], s.psi)
     s.here[FADE, contact] = 1.0
     for r in range(c.beside.shape[0]):
-        s.here[FADE, s.seats[1 + r]] = 1.0
+        s.here[FADE, int(s.aside[r, SEAT])] = 1.0
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -136,7 +136,9 @@ def substep(c: Constants, s: State) -> None:
     ts, beta, gamma = c.real.ts, c.real.beta, c.real.gamma
     s.counter[STEPS] += 1
     sites.collect(c, s, track_position(c, s))
-    companions.lift(c, s)
+    if c.beside.shape[0]:
+        t = ts * s.counter[STEPS]
+        companions.lift(c.beside, s.aside, c.static, c.real.period, t, track_position(c, s))
     command_layers(c.gain, s.q, s.layer)
     wires.predict(s.q, ts, beta, gamma)
     wires.load(c.inner, c.outer, s.q, s.rhs)
@@ -151,9 +153,10 @@ def substep(c: Constants, s: State) -> None:
     wires.solve(c.sweep, c.middle, s.rhs, a)
     wires.correct(s.q, ts, beta, gamma)
     for r in range(c.beside.shape[0]):
-        site = s.seats[1 + r]
-        companions.press(c, s, r, s.here[PRESS, site])
-        companions.note_height(c, s, r, -sites.elongation(site, s.here, s.where, s.psi, s.q[0]))
+        site = int(s.aside[r, companions.SEAT])
+        deviation = -sites.elongation(site, s.here, s.where, s.psi, s.q[0])
+        force, t = s.here[PRESS, site], ts * s.counter[STEPS]
+        companions.press(c.beside[r], s.aside[r], force, deviation, c.real.compliance, t, ts)
     sites.move_masses(c, s)
 
 

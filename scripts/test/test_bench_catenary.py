@@ -114,7 +114,7 @@ def test_quick_bench_fills_every_table(monkeypatch: pytest.MonkeyPatch, tmp_path
     assert [f"{spans} spans" for spans in SPANS] == names[: len(SPANS)]
     assert all(0.0 < row["median_ms"] <= row["p99_ms"] <= row["max_ms"] for row in document["rows"])
     assert [row["spans"] for row in document["spans"]] == list(SPANS)
-    assert len(document["goals"]) == 4
+    assert len(document["goals"]) == 6
     assert {row["boundary"] for row in document["boundaries"]} == set(BOUNDARIES)
     phases = {row["phase"]: row["us"] for row in document["phases"]}
     assert sum(phases[name] for name in GROUPS) == pytest.approx(phases["sum of the phases"])

@@ -6,6 +6,8 @@ the force follows from the pantograph's compliance of one step, the contact's an
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,37 +21,43 @@ from phil_base.kernels import njit
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, fastmath=False)
-def run(
-    c: Constants,
-    s: State,
-    pc: pantograph.Constants,
-    ps: pantograph.State,
-    soft_start: float,
-    held: float,
-    out: Array,
-) -> None:
-    """Ride as many cycles as `out` has rows; the uplift comes up within the first soft_start s as (1 - cos)/2.
+def run_by(arrive: Any, leave: Any) -> Any:
+    """Make the compiled `run` of a scheme by how its steps begin and end.
 
-    `held` is a contact force (N) on both sides in place of the contact, or NaN.
+    It rides as many cycles as `out` has rows; the uplift comes up within the first soft_start s as (1 - cos)/2. `held`
+    is a contact force (N) on both sides in place of the contact, or NaN.
     """
-    local = c.real.compliance
-    force, w = s.contact[layout.LAST_FORCE], s.point[layout.W_CAT]
-    for k in range(out.shape[0]):
-        for _ in range(c.whole.substeps):
-            step.arrive(c, s)
-            t = c.real.ts * s.counter[layout.STEPS]
-            share = soft_start_share(t, soft_start)
-            head = pantograph.free(pc, ps, share)
-            before, force = force, held
-            if np.isnan(held):
-                force = pantograph.contact_force(pc, head, step.height(c, s, 0.0), local)
-            pantograph.finish(pc, ps, force)
-            w = book(c, s, before, force, w, step.height(c, s, force))
-            step.leave(c, s, force)
-        step.observe(c, s, force)
-        note(s, force, out[k])
-    s.contact[layout.LAST_FORCE] = force
+
+    @njit(cache=True, fastmath=False)
+    def run(
+        c: Constants,
+        s: State,
+        pc: pantograph.Constants,
+        ps: pantograph.State,
+        soft_start: float,
+        held: float,
+        out: Array,
+    ) -> None:
+        local = c.real.compliance
+        force, w = s.contact[layout.LAST_FORCE], s.point[layout.W_CAT]
+        for k in range(out.shape[0]):
+            for _ in range(c.whole.substeps):
+                arrive(c, s)
+                t = c.real.ts * s.counter[layout.STEPS]
+                share = soft_start_share(t, soft_start)
+                head = pantograph.free(pc, ps, share)
+                before, force = force, held
+                if np.isnan(held):
+                    force = pantograph.contact_force(pc, head, step.height(c, s, 0.0), local)
+                pantograph.finish(pc, ps, force)
+                w = book(c, s, before, force, w, step.height(c, s, force))
+                leave(c, s, force)
+            step.observe(c, s, force)
+            note(s, force, out[k])
+        s.contact[layout.LAST_FORCE] = force
+
+    return run
 
 
-push = push_by(step.advance)
+run, push = run_by(step.arrive, step.leave), push_by(step.advance)
+run_together, push_together = run_by(step.arrive_together, step.leave_together), push_by(step.advance_together)

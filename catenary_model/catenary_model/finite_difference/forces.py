@@ -5,7 +5,9 @@ A place on the wire reads the field and gives its force with the weights of `gri
 
 from __future__ import annotations
 
-from catenary_model import companions, sites
+import numpy as np
+
+from catenary_model import sites
 from catenary_model.cycle import track_position
 from catenary_model.finite_difference.layout import NOW, Constants, State
 from catenary_model.layout import (
@@ -38,6 +40,9 @@ from catenary_model.layout import (
     X,
 )
 from phil_base.kernels import njit
+
+ALONE = np.array([[0.0], [-1.0]])
+"""Pantographs that are sites: the one at x = 0. Companions press on nodes."""
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -73,7 +78,7 @@ def gather(c: Constants, s: State) -> None:
     """Find the forces of masts, arms (3.2) and droppers (3.3) at the present instant: what they do beyond rest, N."""
     zeta = track_position(c, s)
     if s.counter[LISTED] == 0 or zeta >= s.contact[NEXT_CHANGE]:
-        sites.enlist(c, s, zeta)
+        sites.enlist(c, s, zeta, ALONE, s.here)
     here, where, psi, site = s.here, s.where, s.psi, c.site
     carrier, contact = s.w[s.counter[NOW], 0], s.w[s.counter[NOW], 1]
     per, per_fading = 1.0 / c.real.dx, 1.0 / max(c.real.fading, 1e-9)
@@ -129,10 +134,6 @@ def act(c: Constants, s: State, force: float) -> None:
     here[PRESS, s.counter[CONTACT]] = force
     for m in range(c.carry.size):
         new[1, c.whole.middle + half - m] += c.per_mass[1] * c.carry[m] * force
-    for r in range(c.beside.shape[0]):
-        node = int(c.beside[r, companions.NODE])
-        for m in range(c.carry.size):
-            new[1, node + half - m] += c.per_mass[1] * c.carry[m] * s.aside[r, companions.FORCE]
     if s.counter[PUSHED]:
         for wire in range(2):
             load = s.external[wire]

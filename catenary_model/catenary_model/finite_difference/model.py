@@ -7,6 +7,7 @@ and reduced model. The interior is `absorbing.moving_beam`, the ends are boundar
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +128,9 @@ class Catenary(Observed):
         self.constants: own.Constants
         self.state: own.State
         constants = self._constants()
-        *self._packed, self.constants, self.state = arena.pack(constants, self._state(constants))
+        if config.companions:
+            self.scheme = Scheme(step.start, step.cycle_together, coupled.run_together, coupled.push_together)
+        *self._packed, self.constants, self.state = arena.pack(*self._together(constants, self._state(constants)))
         grid.static_table(self.statics, grids(config)[CONTACT], self.constants.static)  # where they stay
         lattice.static_table(self.statics, self.segment_mesh.h, self.constants.rest)
         self._view = wire_view.WireView.of(self.mesh, self.statics)
@@ -184,9 +187,6 @@ class Catenary(Observed):
             origin=mesh.behind,
             dx=mesh.h,
         )
-        self._beside = beside = companions.bundle(
-            config.companions, config.step_time, RIDER_NEWMARK, compliance, mesh.h, mesh.middle
-        )
         return own.Constants(
             real=real,
             whole=whole,
@@ -201,12 +201,6 @@ class Catenary(Observed):
             rest=lattice.blank_table(line.period),
             project=grid.projection(mesh.h, int(whole["per_element"])),
             segment=self.reduced.compact,
-            beside=beside.beside,
-            numbers=beside.numbers,
-            chains=beside.chains,
-            lifts=beside.lifts,
-            riders=np.zeros(1),
-            rows=np.full(1, -1, dtype=np.int64),
         )
 
     def _state(self, c: own.Constants) -> own.State:
@@ -226,10 +220,16 @@ class Catenary(Observed):
             where=np.zeros((4, most), dtype=np.int64),
             psi=np.zeros((4, most)),
             ends=np.zeros((2, c.edge.shape[4])),
-            aside=self._beside.aside,
-            masses=self._beside.masses,
-            seats=self._beside.seats,
         )
+
+    def _together(self, c: own.Constants, s: own.State) -> Any:
+        """Give the bundles, with the companions if there are any."""
+        config, mesh = self.config, self.mesh
+        if not config.companions:
+            return c, s
+        local = float(c.real["compliance"])
+        beside = companions.bundle(config.companions, config.step_time, RIDER_NEWMARK, local, mesh.h, mesh.middle)
+        return own.ConstantsTogether(*c, beside.beside), own.StateTogether(*s, beside.aside)
 
     @property
     def local_compliance(self) -> float:

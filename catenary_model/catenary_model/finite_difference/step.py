@@ -13,12 +13,14 @@ stencils complete the level at either end.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from catenary_model import companions
 from catenary_model.cycle import cycles, height_of, track_position
 from catenary_model.finite_difference.forces import act, gather
-from catenary_model.finite_difference.layout import NOW, Constants, State
+from catenary_model.finite_difference.layout import NOW, Constants, ConstantsTogether, State, StateTogether
 from catenary_model.finite_difference.wires import close, propagate
 from catenary_model.layout import A_CAT, F_CAT, ITERATIONS, STEPS, V_CAT, W_CAT, ZETA
 from catenary_model.step import hold
@@ -31,13 +33,6 @@ def arrive(c: Constants, s: State) -> None:
     s.counter[ITERATIONS] = 1
     s.counter[NOW] = (s.counter[NOW] + 1) % s.w.shape[0]
     s.counter[STEPS] += 1
-    companions.lift(c, s)
-    for r in range(c.beside.shape[0]):
-        deviation = s.w[s.counter[NOW], 1, int(c.beside[r, companions.NODE])]
-        # y_free - c_p F = w + C F (`pantograph`), both compliances in the spring's
-        force = c.beside[r, companions.SPRING] * (s.aside[r, companions.HEAD] - deviation)
-        companions.press(c, s, r, max(0.0, force))
-        companions.note_height(c, s, r, deviation)
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -47,6 +42,29 @@ def leave(c: Constants, s: State, force: float) -> None:
     gather(c, s)
     for wire in range(2):
         propagate(c.inner, c.reach[wire], nodes, s.w, now, wire)
+    act(c, s, force)
+    for wire in range(2):
+        close(c.edge, c.reach[wire], nodes, s.w, now, wire, s.ends)
+
+
+@njit(cache=True, fastmath={"contract"})
+def arrive_together(c: Any, s: Any) -> None:
+    """Do as `arrive`; the companions find their forces."""
+    arrive(c, s)
+    t, w = c.real.ts * s.counter[STEPS], s.w[s.counter[NOW], 1]
+    companions.lift(c.beside, s.aside, c.static, c.real.period, t, track_position(c, s))
+    companions.meet(c.beside, s.aside, w, c.real.compliance, t, c.real.ts)
+
+
+@njit(cache=True, fastmath={"contract"})
+def leave_together(c: Any, s: Any, force: float) -> None:
+    """Do as `leave`, with the forces of the companions."""
+    now, nodes = s.counter[NOW], c.whole.stations
+    gather(c, s)
+    for wire in range(2):
+        propagate(c.inner, c.reach[wire], nodes, s.w, now, wire)
+    new = s.w[(now + 1) % s.w.shape[0], 1]
+    companions.give(c.beside, s.aside, new, c.carry, c.per_mass[1])
     act(c, s, force)
     for wire in range(2):
         close(c.edge, c.reach[wire], nodes, s.w, now, wire, s.ends)
@@ -114,3 +132,6 @@ def start(c: Constants, s: State) -> None:
 
 
 advance, cycle = cycles(Constants, State, arrive, height, leave, observe)
+advance_together, cycle_together = cycles(
+    ConstantsTogether, StateTogether, arrive_together, height, leave_together, observe
+)
