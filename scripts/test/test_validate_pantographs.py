@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from catenary_model.reference import Ride
-from validate import line_waves, pantographs
+from validate import line_waves, pantographs, pantographs_realtime
 from validate.pantographs import FIRST, LAST, SPAN, force_of, strongest, tone_expected, turns_a_metre
 
 
@@ -131,3 +131,14 @@ def test_a_shortened_sweep_gives_rows_and_a_picture(tmp_path: Path) -> None:
     json.dumps([row.row() for row in rows])
     pantographs.draw([found], tmp_path / "distance.png")
     assert (tmp_path / "distance.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_real_time_models_are_held_against_the_reference_force_by_force() -> None:
+    """A short ride at 250 km/h with 85 m: the finer grid is nearer than the elements, for either pantograph."""
+    found = pantographs_realtime.rows((250,), (85.0,), True, lambda text: None)
+    assert len(found) == 2 * len(pantographs_realtime.MODELS)
+    by_case = {row.case.partition(" m, ")[2]: row.value for row in found}
+    for which in ("leading", "trailing"):
+        assert by_case[f"{which}, fd, 0.2 m, 3 steps"] < by_case[f"{which}, fe"] < 0.5
+    assert all((row.high is None) is ("3 steps" not in row.case) for row in found)

@@ -4,6 +4,7 @@ contact force  statistics below 20 Hz of both at 85 and 200 m, 250 and 300 km/h,
                the EN 50318 study and by the coarser one of the sweep, which have to agree
 sweep          sigma of the trailing one over the distance from 50 to 250 m
 wave           a push of 30 ms by the leading contact, heard at contacts behind it: its speed, seen from the train
+real time      the real-time models against the reference, both forces (`pantographs_realtime`)
 tone           a steady tone of the leading contact on the wire without droppers: its frequency at a mast behind, at a
                mast ahead and at a trailing contact (Doppler)
 phase          Both forces repeat themselves from span to span, so they are harmonics n v/L of the passing of spans
@@ -30,6 +31,7 @@ from catenary_model.line import Line
 from catenary_model.reference import Config, Mounted, Reference, Ride
 from energy_monitor.contact_quality import CUTOFF, ContactStatistics, losses_of, low_passed, statistics_of
 from phil_study.outcome import Outcome, Row, Sheet
+from validate import pantographs_realtime
 from validate.en50318 import Setting, pantograph
 from validate.line_waves import left_behind
 from validate.pantographs_picture import Sweep, draw
@@ -340,6 +342,7 @@ def run(quick: bool, out: Path | None, say: Say) -> Outcome:
     made = wave_rows()
     rows, table = force_rows(quick, say)
     made += rows
+    made += pantographs_realtime.rows(SPEEDS, DISTANCES, quick, say)
     sweeps = [sweep(speed, SWEPT[::40] if quick else SWEPT, say) for speed in SPEEDS]
     for found in sweeps:
         made += sweep_rows(found)
