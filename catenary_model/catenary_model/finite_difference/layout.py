@@ -32,7 +32,7 @@ class Constants(NamedTuple):
     reach: Ints1
     """Nodes to either side that the interior scheme of a wire reads, (wire,)."""
     inner: Array3
-    """Weights of the interior scheme, padded with zeros to a multiple of seven, (wire, level, weights)."""
+    """Factors of the interior scheme, padded with zeros, (wire, 3, weights), see `wires.factors`."""
     edge: Array5
     """Boundary stencils, all of old values, (wire, side, level, N_x, node), nodes counted inwards."""
     carry: Array1
@@ -76,6 +76,8 @@ class State(NamedTuple):
     """Work: their node behind, slot in the rings, row in Constants.site (-1: contact), nothing; (rows, sites)."""
     psi: Array2
     """Work: their weights, (4, sites)."""
+    between: Array1
+    """Work: what the interior scheme carries on by v dt, (nodes,)."""
     ends: Array2
     """Work: new values of the boundary nodes, (side, node)."""
 

@@ -158,16 +158,12 @@ class Catenary(Observed):
             middle=mesh.middle,
             per_element=round(self.segment_mesh.h / mesh.h),
         )
-        taps = -(-(2 * most + 1) // wires.TAPS) * wires.TAPS
-        inner = np.zeros((2, max(stencil.levels for stencil in self.stencils), taps))
+        inner = np.stack([wires.factors(one.wire, one.speed, one.dx, one.dt, one.reach) for one in both])
         levels = max(boundary.n_t for pair in self.ends for boundary in pair)
-        levels = max(levels, inner.shape[1])
+        levels = max(levels, *(stencil.levels for stencil in self.stencils))
         width = max(boundary.n_x for pair in self.ends for boundary in pair) + most
         edge = np.zeros((2, 2, most, levels, width))
         for i, stencil in enumerate(self.stencils):
-            low = stencil.reach[0][0]
-            weights = stencil.weights()
-            inner[i, : stencil.levels, reach[i] - low : reach[i] - low + weights.shape[1]] = weights
             edge[i] = ends.rows(stencil, self.ends[i], most, levels, width)
         used = np.flatnonzero(np.abs(edge).max(axis=(0, 1, 2, 3)))
         edge = np.ascontiguousarray(edge[..., : int(used.max(initial=0)) + 1].transpose(0, 1, 3, 4, 2))
@@ -219,6 +215,7 @@ class Catenary(Observed):
             here=np.zeros((12, most)),
             where=np.zeros((4, most), dtype=np.int64),
             psi=np.zeros((4, most)),
+            between=np.zeros(nodes + wires.PADDING),
             ends=np.zeros((2, c.edge.shape[4])),
         )
 

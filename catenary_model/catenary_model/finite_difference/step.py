@@ -2,7 +2,7 @@
 
 Present is the instant n; level n + 1 of the deviation is computed as soon as the contact force of instant n is known:
 
-    w(n+1) = inner stencil of w(n), w(n-1), ...  +  dt^2/(rhoA dx) (forces of instant n, carried on by v dt)
+    w(n+1) = interior scheme of w(n), w(n-1)  +  dt^2/(rhoA dx) (forces of instant n, carried on by v dt)
 
 So velocity and acceleration of instant n are centred differences, of second order, and contain the present force. The
 forces of droppers, masts and arms follow from w(n) alone, their slack state with them. What stands on the wire moves
@@ -38,10 +38,10 @@ def arrive(c: Constants, s: State) -> None:
 @njit(cache=True, fastmath={"contract"})
 def leave(c: Constants, s: State, force: float) -> None:
     """Compute level n + 1 with the contact force (N) of the present instant."""
-    now, nodes = s.counter[NOW], c.whole.stations
+    now, nodes, half = s.counter[NOW], c.whole.stations, c.carry.size // 2
     gather(c, s)
     for wire in range(2):
-        propagate(c.inner, c.reach[wire], nodes, s.w, now, wire)
+        propagate(c.inner, half, c.reach[wire], nodes, s.w, now, wire, s.between)
     act(c, s, force)
     for wire in range(2):
         close(c.edge, c.reach[wire], nodes, s.w, now, wire, s.ends)
