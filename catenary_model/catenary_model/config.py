@@ -99,7 +99,7 @@ class Config:
     """fd: dx, m."""
     grid_substeps: int = 2
     """fd: steps a cycle."""
-    grid_reach: int = 3
+    grid_reach: int = 4
     """fd: R, half the nodes to either side that the interior scheme reads; its order is 2 R."""
     grid_boundary: str = "absorbing"
     """fd: kind of the ends, see `finite_difference.ends.ENDS`."""

@@ -131,8 +131,9 @@ def test_a_ride_agrees_with_the_finite_elements(speed_kmh: float) -> None:
     assert np.abs(fd.segment_displacement[::2] - fe.segment_displacement[::2]).max() < 2e-3
     assert np.abs(fd.segment_displacement[1::2] - fe.segment_displacement[1::2]).max() < 2e-3
     shape, other = fd.wire_shape(), fe.wire_shape()
-    np.testing.assert_allclose(np.interp(other.x, shape.x, shape.contact), other.contact, atol=3e-3)
-    np.testing.assert_allclose(np.interp(other.x, shape.x, shape.carrier), other.carrier, atol=3e-3)
+    inside = (other.x > other.x[0] + 3.0) & (other.x < other.x[-1] - 3.0)  # the ends are of different kinds
+    for mine, its in ((shape.contact, other.contact), (shape.carrier, other.carrier)):
+        np.testing.assert_allclose(np.interp(other.x, shape.x, mine)[inside], its[inside], atol=3e-3)
     np.testing.assert_allclose(shape.mast_x, other.mast_x[other.mast_x < 215.0], atol=1e-4)
 
 
