@@ -112,8 +112,8 @@ def radius(shifting: Array, leaping: Array, decay: float) -> float:
     """Largest growth of any wave in one step of the endless grid, 1: the von Neumann condition asks for at most 1."""
     theta = np.linspace(0.0, np.pi, _WAVE_NUMBERS)
     symbol_i = np.exp(1j * np.outer(theta, np.arange(shifting.size) - shifting.size // 2)) @ shifting
-    # By sines: the two roots meet at C = 2, where a last digit of C would become its root in the growth. For the longest
-    # wave C is decay + 1/decay.
+    # By sines: the two roots meet at C = 2, where a last digit of C would become its root in the growth. C of the
+    # longest wave is decay + 1/decay.
     half = leaping.size // 2
     lack = 4.0 * np.sin(0.5 * np.outer(theta, np.arange(1, half + 1))) ** 2 @ leaping[half + 1 :]
     above = (1.0 - decay) ** 2 / decay - lack  # C - 2
