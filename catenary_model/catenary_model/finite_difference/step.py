@@ -59,10 +59,10 @@ def arrive_together(c: Any, s: Any) -> None:
 @njit(cache=True, fastmath={"contract"})
 def leave_together(c: Any, s: Any, force: float) -> None:
     """Do as `leave`, with the forces of the companions."""
-    now, nodes = s.counter[NOW], c.whole.stations
+    now, nodes, half = s.counter[NOW], c.whole.stations, c.carry.size // 2
     gather(c, s)
     for wire in range(2):
-        propagate(c.inner, c.reach[wire], nodes, s.w, now, wire)
+        propagate(c.inner, half, c.reach[wire], nodes, s.w, now, wire, s.between)
     new = s.w[(now + 1) % s.w.shape[0], 1]
     companions.give(c.beside, s.aside, new, c.carry, c.per_mass[1])
     act(c, s, force)
