@@ -112,7 +112,7 @@ def begin(several: Sequence[Companion], c: Any, s: Any) -> None:
         row[PLACE], row[HEIGHT] = known[AT], height
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def static_height(static: Array, period: float, zeta: float) -> float:
     """Height of the static contact wire (m) at a track position (m), from the model's table of it."""
     samples = static.shape[0] - 1

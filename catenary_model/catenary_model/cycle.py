@@ -15,13 +15,13 @@ from catenary_model.layout import GIVEN, IMPULSE, ITERATIONS, LAST_FORCE, STEPS,
 from phil_base.kernels import njit
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def track_position(c: Any, s: Any) -> float:
     """Track position zeta_0 + v t of the pantograph at the present instant, m; (3.4) with its sign corrected."""
     return float(c.real.start + c.real.speed * (c.real.ts * s.counter[STEPS]))
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def height_of(c: Any, s: Any, deviation: float, force: float) -> float:
     """Displacement of the contact point for the wire's deviation there (m) and a contact force (N), now, m."""
     samples = c.static.shape[0] - 1
@@ -32,7 +32,7 @@ def height_of(c: Any, s: Any, deviation: float, force: float) -> float:
     return float(static + deviation + c.real.compliance * force)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def book(c: Any, s: Any, before: float, force: float, w: float, now: float) -> float:
     """Add one integration step to work and impulse, as trapezoids; return the new height of the contact point, m.
 
@@ -55,7 +55,7 @@ def cycles(
     """
     unpack = arena.unpacker(constants, state)
 
-    @njit(cache=True, fastmath={"contract"})
+    @njit(cache=True, fastmath=False)
     def advance(c: Any, s: Any, f_cat: float) -> None:
         n = c.whole.substeps
         before = s.contact[LAST_FORCE]
@@ -70,7 +70,7 @@ def cycles(
         s.contact[LAST_FORCE] = f_cat
         observe(c, s, f_cat)
 
-    @njit(cache=True, fastmath={"contract"})
+    @njit(cache=True, fastmath=False)
     def cycle(floats: Array, whole: Ints, table: Ints, f_cat: float) -> None:
         c, s = unpack(floats, whole, table)
         advance(c, s, f_cat)

@@ -74,7 +74,7 @@ from phil_base.kernels import njit
 # Inner functions get the arrays that they need, not the bundles: a call that is not inlined would copy these.
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _seat(counter: Ints, here: Array, where: Ints, aside: Array, row: int, i: int) -> None:
     """Make a pantograph site i: row -1 is the one at x = 0, row -2 - r companion r."""
     if row == -1:
@@ -86,7 +86,7 @@ def _seat(counter: Ints, here: Array, where: Ints, aside: Array, row: int, i: in
     here[CARRIER, i], here[CONTACT_WIRE, i] = 0.0, -1.0
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def enlist(c: Constants, s: State, zeta: float, riders: Array, aside: Array) -> None:
     """Write the list of sites in the domain around track position zeta (m), by rising position, anew.
 
@@ -135,7 +135,7 @@ def enlist(c: Constants, s: State, zeta: float, riders: Array, aside: Array) -> 
     counter[DROPPERS], counter[SITES] = droppers, i
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _place(real: Any, last: int, local: Array, zeta: float, here: Array, element: Ints, psi: Array) -> None:
     """Put all sites where they are now, x = zeta_i - zeta (3.5): element, shape functions, fade, missing compliance."""
     h, per_h, behind, ahead = real.h, 1.0 / real.h, real.behind, real.ahead
@@ -164,7 +164,7 @@ def _place(real: Any, last: int, local: Array, zeta: float, here: Array, element
         missing[i] = soft[i] * (abs(on_carrier[i]) * carrier + abs(on_contact[i]) * contact)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def collect(c: Constants, s: State, zeta: float) -> None:
     """List the sites of the domain around track position zeta (m), the contact point among them."""
     if s.counter[LISTED] == 0 or zeta >= s.contact[NEXT_CHANGE]:
@@ -179,7 +179,7 @@ def collect(c: Constants, s: State, zeta: float) -> None:
         s.here[FADE, int(s.aside[r, SEAT])] = 1.0
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def elongation(i: int, here: Array, where: Ints, psi: Array, q: Array) -> float:
     """Elongation g . q of site i, m; q (wire, w or phi, station with padding)."""
     e = where[ELEMENT, i] + PAD
@@ -189,13 +189,13 @@ def elongation(i: int, here: Array, where: Ints, psi: Array, q: Array) -> float:
     return here[CARRIER, i] * carrier + here[CONTACT_WIRE, i] * contact
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _row(station: int, first: int, last: int) -> int:
     """Row of `Constants.green` for a station."""
     return station if station < first else first if station < last else station - last + first + 1
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _between(g: Array, near: int, far: int, d: int, psi: Array, i: int, j: int, wire: int) -> float:
     """Acceleration of one wire at site i for a unit force at site j, d - reach elements behind it, 1/kg."""
     p0, p1, p2, p3 = psi[0, i], psi[1, i], psi[2, i], psi[3, i]
@@ -209,7 +209,7 @@ def _between(g: Array, near: int, far: int, d: int, psi: Array, i: int, j: int, 
     return total
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def compliances(c: Constants, s: State) -> None:
     """Fill C_ij for all sites that feel each other within one step."""
     g, psi, here, where, C = c.green, s.psi, s.here, s.where, s.compliance
@@ -238,7 +238,7 @@ def compliances(c: Constants, s: State) -> None:
         where[LOW, i] = low
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _laws(c: Constants, s: State) -> None:
     """Force law k e + b of every site for the present slack state (3.2, 3.3)."""
     beta, ts = c.real.beta, c.real.ts
@@ -270,7 +270,7 @@ def _laws(c: Constants, s: State) -> None:
         s.here[LAW_K, i], s.here[LAW_B, i] = share * k, share * b
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _forces(n: int, here: Array, low: Ints, C: Array, A: Array) -> None:
     """Solve the small system for the forces p and the elongations that they leave; C, A: (sites, band)."""
     p, own = here[PRESS], C.shape[1] // 2
@@ -311,7 +311,7 @@ def _forces(n: int, here: Array, low: Ints, C: Array, A: Array) -> None:
         here[STRETCH, i] = stretch
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _consistent(c: Constants, s: State) -> bool:
     """Flip every dropper, and the contact, whose state contradicts the solution; tell whether there was none."""
     good = True
@@ -338,7 +338,7 @@ def _consistent(c: Constants, s: State) -> bool:
     return good
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def settle(c: Constants, s: State) -> None:
     """Find the forces of all sites, slack states consistent (3.17), for predicted q and the wires' own q''."""
     scale = c.real.beta * c.real.ts * c.real.ts
@@ -358,7 +358,7 @@ def settle(c: Constants, s: State) -> None:
     s.counter[ITERATIONS] = max(s.counter[ITERATIONS], iterations)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def press(pivot: Array, s: State) -> None:
     """Put the forces of all sites on the wires' right side, -G g p."""
     r, here, psi = s.rhs, s.here, s.psi
@@ -374,7 +374,7 @@ def press(pivot: Array, s: State) -> None:
             r[wire, 1, e + 1] += pivot[wire, 2, e + 1] * force + pivot[wire, 3, e + 1] * torque
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def move_masses(c: Constants, s: State) -> None:
     """Note place, velocity and acceleration of the masses, which move through the mesh with -v and along the wire."""
     h, v = c.real.h, c.real.speed

@@ -33,7 +33,7 @@ from catenary_model.wires import PAD
 from phil_base.kernels import njit
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def static_at(c: Constants, zeta: float, out: Array) -> None:
     """Write w, w', w'', phi, phi', phi'' of the static contact wire at track position zeta (m) into out, (6,)."""
     period = c.real.period
@@ -44,7 +44,7 @@ def static_at(c: Constants, zeta: float, out: Array) -> None:
         out[j] = c.static[i, j] + r * (c.static[i + 1, j] - c.static[i, j])
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def hold(model: Array, seg: Array, f_cat: float) -> None:
     """Fill in f_held = M q'' + D q' + K q - b f_cat (3.41); model (3, n, 6) holds M, D, K, seg (4, n) all four."""
     n = model.shape[1]
@@ -57,7 +57,7 @@ def hold(model: Array, seg: Array, f_cat: float) -> None:
     seg[3, 2 * (n // 4)] -= f_cat
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def observe(c: Constants, s: State, f_cat: float) -> None:
     """Fill `point` and `segment` for the present state: static shape plus deviation, and f_held (3.41)."""
     zeta = track_position(c, s)
@@ -90,7 +90,7 @@ def observe(c: Constants, s: State, f_cat: float) -> None:
     s.point[ZETA] = zeta
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def command_layers(gain: Array, q: Array, u: Array) -> None:
     """Forces and torques of the controlled layers, u = K_ABC x with x of the present instant (3.39), (2, 2, inputs)."""
     states, inputs = gain.shape[2], gain.shape[3]
@@ -109,7 +109,7 @@ def command_layers(gain: Array, q: Array, u: Array) -> None:
                     out[i] += row[i] * x
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def drive_layers(u: Array, pivot: Array, rhs: Array) -> None:
     """Add the forces and torques of the controlled layers, u of (3.31), to the right side."""
     last = rhs.shape[2] - 1
@@ -122,7 +122,7 @@ def drive_layers(u: Array, pivot: Array, rhs: Array) -> None:
                 rhs[wire, 1, s] += pivot[wire, 2, s] * force + pivot[wire, 3, s] * torque
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def start(c: Constants, s: State) -> None:
     """List the sites for the present instant and observe it, as a start does."""
     sites.collect(c, s, track_position(c, s))
@@ -130,7 +130,7 @@ def start(c: Constants, s: State) -> None:
     observe(c, s, 0.0)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def substep(c: Constants, s: State) -> None:
     """Integrate (3.18) by one step; `State.contact` says what acts at the contact point."""
     ts, beta, gamma = c.real.ts, c.real.beta, c.real.gamma
@@ -160,14 +160,14 @@ def substep(c: Constants, s: State) -> None:
     sites.move_masses(c, s)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def height(c: Constants, s: State, force: float) -> float:
     """Displacement of the contact point under a contact force (N) at the present instant, m."""
     middle = c.whole.segment_first + PAD + c.whole.segment_stations // 2
     return height_of(c, s, s.q[0, 1, 0, middle], force)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def stay(c: Constants, s: State, force: float) -> None:
     """Do nothing: the step is over as soon as its new instant is reached."""
 
@@ -175,7 +175,7 @@ def stay(c: Constants, s: State, force: float) -> None:
 advance, cycle = cycles(Constants, State, substep, height, stay, observe)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def contact_force(s: State) -> float:
     """Contact force of the last integration step, N."""
     return s.here[PRESS, s.counter[CONTACT]]

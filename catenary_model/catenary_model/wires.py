@@ -98,7 +98,7 @@ Chain = tuple[float, float, float, float, float, float, float, float]
 """Last results of the four sweeps that run side by side: behind then ahead, carrier then contact, (w, phi)."""
 
 
-@njit(cache=True, fastmath={"contract"}, inline="always")
+@njit(cache=True, fastmath=False, inline="always")
 def _forth(a: Array, c: Array, b: Array, x: Array, state: Chain, first: int, end: int) -> Chain:
     """Sweep rows first .. end - 1 from either end to the middle: equal rows, their coefficients kept in registers."""
     n = b.shape[2]
@@ -121,7 +121,7 @@ def _forth(a: Array, c: Array, b: Array, x: Array, state: Chain, first: int, end
     return p0w, p0p, p1w, p1p, q0w, q0p, q1w, q1p
 
 
-@njit(cache=True, fastmath={"contract"}, inline="always")
+@njit(cache=True, fastmath=False, inline="always")
 def _back(a: Array, c: Array, x: Array, state: Chain, first: int, end: int) -> Chain:
     """Substitute rows first .. end + 1 from the middle towards either end, in place."""
     n = x.shape[2] - 2 * PAD
@@ -144,7 +144,7 @@ def _back(a: Array, c: Array, x: Array, state: Chain, first: int, end: int) -> C
     return p0w, p0p, p1w, p1p, q0w, q0p, q1w, q1p
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def solve(sweep: Array, middle: Array, b: Array, x: Array) -> None:
     """Solve K_DM x = b' (3.21) for both wires, G b' = b (2, 2, stations); x (2, 2, stations + 2 PAD)."""
     n = b.shape[2]
@@ -166,7 +166,7 @@ def solve(sweep: Array, middle: Array, b: Array, x: Array) -> None:
         state = _back(behind[i], ahead[i], x, state, i, i - 1)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def predict(q: Array, ts: float, beta: float, gamma: float) -> None:
     """Newmark's predictors (3.19, 3.20) in place of q and q'; q (3, 2, 2, stations + 2 PAD)."""
     half, rest = ts * ts * (0.5 - beta), ts * (1.0 - gamma)
@@ -178,7 +178,7 @@ def predict(q: Array, ts: float, beta: float, gamma: float) -> None:
                 v[i] += rest * a[i]
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _equal_rows(m: Array, w: Array, p: Array, wd: Array, pd: Array, out: Array) -> None:
     """Stations that all have the row m = (K, D): out = -K q - D q'."""
     k0, k1, k2, k3, k4, k5 = m[0], m[1], m[2], m[3], m[4], m[5]
@@ -192,7 +192,7 @@ def _equal_rows(m: Array, w: Array, p: Array, wd: Array, pd: Array, out: Array) 
         )
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _own_rows(m: Array, w: Array, p: Array, wd: Array, pd: Array, out: Array) -> None:
     """Stations with a row each, m (12, stations): out = -K q - D q'."""
     for s in range(out.size):
@@ -204,7 +204,7 @@ def _own_rows(m: Array, w: Array, p: Array, wd: Array, pd: Array, out: Array) ->
         )
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def load(inner: Array, outer: Array, q: Array, rhs: Array) -> None:
     """Right side of (3.23) without any forces: -G (K q + D q'), (2, 2, stations).
 
@@ -227,7 +227,7 @@ def load(inner: Array, outer: Array, q: Array, rhs: Array) -> None:
                     _equal_rows(inner[row, wire, kind], w, p, wd, pd, out)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def push(pivot: Array, force: Array, rhs: Array) -> None:
     """Add nodal forces (2, 2, stations) to the right side."""
     for wire in range(2):
@@ -238,7 +238,7 @@ def push(pivot: Array, force: Array, rhs: Array) -> None:
                 out[s] += by_f[s] * f[s] + by_t[s] * t[s]
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def correct(q: Array, ts: float, beta: float, gamma: float) -> None:
     """Newmark's correctors (3.19, 3.20): from the predictors to q and q' with the new q''."""
     b, g = beta * ts * ts, gamma * ts

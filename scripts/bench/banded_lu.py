@@ -71,7 +71,7 @@ def band(catenary: Catenary) -> Band:
     )
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def laws(c: Constants, s: State) -> None:
     """Write stiffness and constant force of every site for the present slack state, both with its fade."""
     ts, scale = c.real.ts, c.real.beta * c.real.ts**2
@@ -96,7 +96,7 @@ def laws(c: Constants, s: State) -> None:
         s.here[layout.LAW_B, i] = s.here[layout.FADE, i] * b
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def assemble(c: Constants, s: State, m: Band, first: int) -> None:
     """Write matrix and right side for the present laws, rows `first` (the first of a station) and on."""
     n = m.y.size
@@ -127,7 +127,7 @@ def assemble(c: Constants, s: State, m: Band, first: int) -> None:
                         m.lu[base + j, HALF + o - j] += scale * k * g[j] * g[o]
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def factor_and_solve(m: Band, first: int) -> None:
     """Eliminate rows `first` and on, then substitute back over all rows."""
     lu, y, a = m.lu, m.y, m.a
@@ -154,14 +154,14 @@ def factor_and_solve(m: Band, first: int) -> None:
         a[i] = value * row[HALF]
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def take(a: Array, q: Array) -> None:
     """Put the solution where the model keeps q''."""
     for i in range(4 * (q.shape[3] - 2 * PAD)):
         q[2, (i >> 1) & 1, i & 1, (i >> 2) + PAD] = a[i]
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def recheck(c: Constants, s: State) -> int:
     """Flip the droppers that contradict the solution; return the first row concerned, or -1."""
     scale = c.real.beta * c.real.ts**2
@@ -182,7 +182,7 @@ def recheck(c: Constants, s: State) -> int:
     return first
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def begin(c: Constants, s: State, m: Band) -> None:
     """Do what comes before the coupled solve: sites, predictors, right side of the wires."""
     s.counter[layout.STEPS] += 1
@@ -191,7 +191,7 @@ def begin(c: Constants, s: State, m: Band) -> None:
     wires.load(m.inner, m.outer, s.q, s.rhs)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def finish(c: Constants, s: State, iterations: int) -> None:
     """Do what comes after it: correctors, masses on the wires."""
     s.counter[layout.ITERATIONS] = max(s.counter[layout.ITERATIONS], iterations)
@@ -199,7 +199,7 @@ def finish(c: Constants, s: State, iterations: int) -> None:
     sites.move_masses(c, s)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def substep(c: Constants, s: State, m: Band) -> None:
     """Integrate one step with the contact force `State.contact[GIVEN]`."""
     begin(c, s, m)
@@ -219,7 +219,7 @@ def substep(c: Constants, s: State, m: Band) -> None:
     finish(c, s, iterations)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def advance(c: Constants, s: State, m: Band, f_cat: float) -> None:
     """Go on one cycle, as `catenary_model.step.advance` does."""
     n, before = c.whole.substeps, s.contact[layout.LAST_FORCE]
@@ -231,7 +231,7 @@ def advance(c: Constants, s: State, m: Band, f_cat: float) -> None:
     step.observe(c, s, f_cat)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def steps(c: Constants, s: State, m: Band, force: Array) -> None:
     """Integrate a step for every force (N)."""
     for i in range(force.size):

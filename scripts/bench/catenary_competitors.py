@@ -43,7 +43,7 @@ class Way(Protocol):
         """Integrate a step for every force, without an observation."""
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _steps(c: Constants, s: State, force: Array) -> None:
     """Integrate a step for every force (N)."""
     for i in range(force.size):

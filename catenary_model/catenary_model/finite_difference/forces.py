@@ -45,7 +45,7 @@ ALONE = np.array([[0.0], [-1.0]])
 """Pantographs that are sites: the one at x = 0. Companions press on nodes."""
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _place(at: float, i: int, element: Ints, psi: Array) -> float:
     """Node behind and weights (Keys) of a place in spacings from node 0; return the share of the spacing."""
     e = int(at)
@@ -60,12 +60,12 @@ def _place(at: float, i: int, element: Ints, psi: Array) -> float:
     return x
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _read(w: Array, e: int, psi: Array, i: int) -> float:
     return psi[0, i] * w[e - 1] + psi[1, i] * w[e] + psi[2, i] * w[e + 1] + psi[3, i] * w[e + 2]
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _give(w: Array, e: int, psi: Array, i: int, amount: float) -> None:
     w[e - 1] += psi[0, i] * amount
     w[e] += psi[1, i] * amount
@@ -73,7 +73,7 @@ def _give(w: Array, e: int, psi: Array, i: int, amount: float) -> None:
     w[e + 2] += psi[3, i] * amount
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def gather(c: Constants, s: State) -> None:
     """Find the forces of masts, arms (3.2) and droppers (3.3) at the present instant: what they do beyond rest, N."""
     zeta = track_position(c, s)
@@ -122,7 +122,7 @@ def gather(c: Constants, s: State) -> None:
     s.counter[SLACK] = slack
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def act(c: Constants, s: State, force: float) -> None:
     """Add all forces of the present instant to the new level; `force` is the contact force, N."""
     now = s.counter[NOW]

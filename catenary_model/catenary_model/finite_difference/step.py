@@ -27,7 +27,7 @@ from catenary_model.step import hold
 from phil_base.kernels import njit
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def arrive(c: Constants, s: State) -> None:
     """Make the level n + 1 the present one; its contact force is not known yet, and nothing is iterated."""
     s.counter[ITERATIONS] = 1
@@ -35,7 +35,7 @@ def arrive(c: Constants, s: State) -> None:
     s.counter[STEPS] += 1
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def leave(c: Constants, s: State, force: float) -> None:
     """Compute level n + 1 with the contact force (N) of the present instant."""
     now, nodes, half = s.counter[NOW], c.whole.stations, c.carry.size // 2
@@ -47,7 +47,7 @@ def leave(c: Constants, s: State, force: float) -> None:
         close(c.edge, c.reach[wire], nodes, s.w, now, wire, s.ends)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def arrive_together(c: Any, s: Any) -> None:
     """Do as `arrive`; the companions find their forces."""
     arrive(c, s)
@@ -56,7 +56,7 @@ def arrive_together(c: Any, s: Any) -> None:
     companions.meet(c.beside, s.aside, w, c.real.compliance, t, c.real.ts)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def leave_together(c: Any, s: Any, force: float) -> None:
     """Do as `leave`, with the forces of the companions."""
     now, nodes, half = s.counter[NOW], c.whole.stations, c.carry.size // 2
@@ -70,13 +70,13 @@ def leave_together(c: Any, s: Any, force: float) -> None:
         close(c.edge, c.reach[wire], nodes, s.w, now, wire, s.ends)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def height(c: Constants, s: State, force: float) -> float:
     """Displacement of the contact point under a contact force (N) at the present instant, m."""
     return height_of(c, s, s.w[s.counter[NOW], 1, c.whole.middle], force)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def observe(c: Constants, s: State, f_cat: float) -> None:
     """Fill `point` and `segment` (3.41) for the present instant, whose new level is already there."""
     zeta = track_position(c, s)
@@ -124,7 +124,7 @@ def observe(c: Constants, s: State, f_cat: float) -> None:
     s.point[ZETA] = zeta
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def start(c: Constants, s: State) -> None:
     """List the sites for the present instant and observe it, at rest."""
     leave(c, s, 0.0)

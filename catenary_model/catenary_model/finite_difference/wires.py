@@ -33,7 +33,7 @@ def factors(wire: Wire, speed: float, dx: float, dt: float, reach: int) -> Array
     return out
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _add_7(out: Array, a: Array, t: Array, count: int) -> None:
     """Add seven terms to `count` nodes."""
     t0, t1, t2, t3, t4, t5, t6 = t[0], t[1], t[2], t[3], t[4], t[5], t[6]
@@ -43,7 +43,7 @@ def _add_7(out: Array, a: Array, t: Array, count: int) -> None:
         )
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _add_9(out: Array, a: Array, t: Array, count: int) -> None:
     """Add nine terms to `count` nodes."""
     t0, t1, t2, t3, t4, t5, t6, t7, t8 = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8]
@@ -61,7 +61,7 @@ def _add_9(out: Array, a: Array, t: Array, count: int) -> None:
         )
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _add_11(out: Array, a: Array, t: Array, count: int) -> None:
     """Add eleven terms to `count` nodes."""
     t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10 = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9], t[10]
@@ -81,7 +81,7 @@ def _add_11(out: Array, a: Array, t: Array, count: int) -> None:
         )
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def _add(out: Array, a: Array, t: Array, count: int) -> None:
     """Add the sum of t[m] a[j + m] to `count` nodes j."""
     if t.size == 7:
@@ -92,7 +92,7 @@ def _add(out: Array, a: Array, t: Array, count: int) -> None:
         _add_11(out, a, t, count)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def propagate(inner: Array, half: int, reach: int, nodes: int, w: Array, now: int, wire: int, between: Array) -> None:
     """Apply the interior scheme of one wire, `factors`, to all nodes that it can update; the others are set to zero.
 
@@ -107,7 +107,7 @@ def propagate(inner: Array, half: int, reach: int, nodes: int, w: Array, now: in
     _add(new[reach:], between[reach - half :], inner[wire, CARRY], nodes - 2 * reach)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath=False)
 def close(edge: Array, reach: int, nodes: int, w: Array, now: int, wire: int, ends: Array) -> None:
     """Complete the new level of one wire at both ends by the boundary stencils, all of old values."""
     slots, levels, width = w.shape[0], edge.shape[2], edge.shape[3]
