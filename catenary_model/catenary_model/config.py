@@ -35,6 +35,8 @@ FD_ONLY = (
     "grid_boundary_nodes",
 )
 """Settings that only the finite differences have."""
+FORMER: dict[str, tuple[object, ...]] = {"grid_reach": (3,)}
+"""Earlier defaults: parameter files that rides of then have written down hold them, whatever the discretisation."""
 CLOSEST, FARTHEST = 5.0, 1000.0
 """Distance between two pantographs of a train, m."""
 _LEAST = (
@@ -152,7 +154,7 @@ class Config:
         default = {entry.name: entry.default for entry in fields(self)}
         for owner, names in (("fe", FE_ONLY), ("fd", FD_ONLY)):
             for name in names:
-                if owner != self.discretisation and getattr(self, name) != default[name]:
+                if owner != self.discretisation and getattr(self, name) not in (default[name], *FORMER.get(name, ())):
                     raise ValueError(
                         f"{name} = {getattr(self, name)} belongs to discretisation '{owner}' and says nothing to "
                         f"'{self.discretisation}': leave it at {default[name]}"
