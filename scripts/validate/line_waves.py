@@ -29,7 +29,7 @@ from catenary_model.statics import DROPPER, MAST
 Array = NDArray[np.float64]
 
 PHASES = 241
-"""Values of mu from -pi to pi."""
+"""Values of mu from -pi to pi, an odd number."""
 
 
 def bands(line: Line, element: float, count: int) -> tuple[Array, Array]:
@@ -48,14 +48,22 @@ def bands(line: Line, element: float, count: int) -> tuple[Array, Array]:
     free = stiff.shape[0] - 4
     mu = np.linspace(-np.pi, np.pi, PHASES)
     found = []
-    for phase in mu:
-        tied = np.zeros((free + 4, free), dtype=np.complex128)
-        tied[:free, :free] = np.eye(free)
-        tied[free:, :4] = np.exp(1j * phase) * np.eye(4)
-        reduced = (tied.conj().T @ matrix @ tied for matrix in (stiff, mass))
-        squares = eigh(*reduced, eigvals_only=True, subset_by_index=[0, count - 1])
+    for phase in mu[PHASES // 2 :]:
+        tied = (_tied(matrix, free, np.exp(1j * phase)) for matrix in (stiff, mass))
+        squares = eigh(*tied, eigvals_only=True, subset_by_index=[0, count - 1])
         found.append(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi))
-    return mu, np.array(found)
+    # a wave and the same one backwards have one frequency
+    return mu, np.array([*found[:0:-1], *found])
+
+
+def _tied(matrix: Array, free: int, turn: complex) -> NDArray[np.complex128]:
+    """Fold the last nodes, which move as the first ones times `turn`, into these: T^H A T."""
+    out = matrix[:free, :free].astype(np.complex128)
+    last = matrix.shape[0] - free
+    out[:last] += np.conj(turn) * matrix[free:, :free]
+    out[:, :last] += turn * matrix[:free, free:]
+    out[:last, :last] += matrix[free:, free:]
+    return out
 
 
 def left_behind(line: Line, speed: float, element: float = 0.5, count: int = 20) -> Array:
