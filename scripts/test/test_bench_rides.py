@@ -15,7 +15,7 @@ from rich.console import Console
 from bench.realtime import options as realtime
 from bench.realtime.session import Build, MeasuringError
 from bench.rides import importing, run
-from bench.rides.library import Alone, alone, library_goals, library_sheet
+from bench.rides.library import Alone, alone, in_turns, library_goals, library_sheet
 from bench.rides.options import RidesOptions, add_options, options_from
 from bench.rides.processes import MIB, Look, Memory, look, memory, ordered, rides_of, role, used
 from bench.rides.run import order
@@ -206,6 +206,12 @@ def test_a_build_whose_interpreter_fails_is_named(tmp_path: Path) -> None:
     python.chmod(0o755)
     with pytest.raises(MeasuringError, match=r"bare: the loop without ROS failed:\nno numba here"):
         alone(Build("bare", tmp_path, {"PATH": f"{tmp_path}:{os.environ['PATH']}"}), 1.0)
+
+
+@pytest.mark.slow
+def test_loops_of_the_first_build_come_first_though_they_ride_in_turns() -> None:
+    builds = [Build(name, Path.cwd(), os.environ) for name in ("this build", "other")]
+    assert [one.build for one in in_turns(builds, 0.5, 1)] == ["this build", "other"]
 
 
 # All of it -------------------------------------------------------------------------------------------------------
