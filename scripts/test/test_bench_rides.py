@@ -15,7 +15,7 @@ from rich.console import Console
 from bench.realtime import options as realtime
 from bench.realtime.session import Build, MeasuringError
 from bench.rides import importing, run
-from bench.rides.library import Alone, alone, in_turns, library_goals, library_sheet
+from bench.rides.library import Alone, alone, by_build, library_goals, library_sheet
 from bench.rides.options import RidesOptions, add_options, options_from
 from bench.rides.processes import MIB, Look, Memory, look, memory, ordered, rides_of, role, used
 from bench.rides.run import order
@@ -208,10 +208,17 @@ def test_a_build_whose_interpreter_fails_is_named(tmp_path: Path) -> None:
         alone(Build("bare", tmp_path, {"PATH": f"{tmp_path}:{os.environ['PATH']}"}), 1.0)
 
 
-@pytest.mark.slow
-def test_loops_of_the_first_build_come_first_though_they_ride_in_turns() -> None:
-    builds = [Build(name, Path.cwd(), os.environ) for name in ("this build", "other")]
-    assert [one.build for one in in_turns(builds, 0.5, 1)] == ["this build", "other"]
+def test_loops_of_the_first_build_come_first_though_they_rode_in_turns() -> None:
+    parts = {"catenary": 2e-5, "controller": 3e-5, "rig": 4e-5}
+    rode = [
+        Alone(build, factor, 90.0, parts) for build, factor in (("old", 1.0), ("new", 2.0), ("new", 3.0), ("old", 4.0))
+    ]
+    assert [(one.build, one.loop) for one in by_build(rode, ["new", "old"])] == [
+        ("new", 2.0),
+        ("new", 3.0),
+        ("old", 1.0),
+        ("old", 4.0),
+    ]
 
 
 # All of it -------------------------------------------------------------------------------------------------------

@@ -125,6 +125,7 @@ def test_a_shortened_sweep_gives_rows_and_a_picture(tmp_path: Path, monkeypatch:
     """Two distances, judged over three spans instead of ten, of a line that ends soon behind them."""
     for name, value in (("FIRST", 540.0), ("LAST", 720.0), ("SPANS", 17)):
         monkeypatch.setattr(pantographs, name, value)
+    monkeypatch.setattr(line_waves, "PHASES", 41)
     said: list[str] = []
     found = pantographs.sweep(300, [60.0, 120.0], said.append)
     rows = pantographs.sweep_rows(found)

@@ -58,13 +58,16 @@ def alone(build: Build, seconds: float) -> Alone:
 
 def in_turns(builds: Sequence[Build], seconds: float, rounds: int) -> list[Alone]:
     """Ride with each build in turns; the first round, which compiles, is left out. The first build's come first."""
-    found: dict[str, list[Alone]] = {build.label: [] for build in builds}
+    found: list[Alone] = []
     for number in range(rounds + 1):
-        for build in builds[:: (1, -1)[number % 2]]:
-            one = alone(build, seconds)
-            if number:
-                found[build.label].append(one)
-    return [one for several in found.values() for one in several]
+        several = [alone(build, seconds) for build in builds[:: (1, -1)[number % 2]]]
+        found += several if number else []
+    return by_build(found, [build.label for build in builds])
+
+
+def by_build(found: Sequence[Alone], labels: Sequence[str]) -> list[Alone]:
+    """Put what rode in turns into the order of the builds."""
+    return sorted(found, key=lambda one: labels.index(one.build))
 
 
 def library_sheet(found: Sequence[Alone]) -> Sheet:
